@@ -1,8 +1,7 @@
 //! Cell-averaging CFAR (CA-CFAR) detector for range-Doppler maps.
 //!
-//! **Equation.** A cell of power `p` is compared with `N` training cells of powers `x_n` in a rectangular ring
-//! around it, outside the guard cells:
-//! rectangular ring around it, outside the guard cells:
+//! **Equation.** A cell of power `p` is compared with `N` training cells of powers `x_n` in a rectangular ring around
+//! it, outside the guard cells:
 //!
 //! ```text
 //! detected if  p > (Pfa^(-1/N) - 1) sum x_n  =  alpha mean(x_n),   alpha = N (Pfa^(-1/N) - 1)

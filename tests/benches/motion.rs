@@ -1,5 +1,5 @@
-//! A live track, pulse by pulse: [`Tracker`], one thread. `cargo bench --bench motion`. An item is a pulse: a radar at 1 kHz needs 1000
-//! items per second.
+//! Live track, pulse by pulse: [`Tracker`], one thread. `cargo bench --bench motion`. An item is a pulse: a radar at
+//! 1 kHz needs 1000 items per second.
 //!
 //! One transmitter and four receivers, four targets, a window of ten pulses in the middle of a track, where each push marginalises a pulse.
 

@@ -135,7 +135,7 @@ fn every_command_on_images_opens_every_format() {
         1,
         &["velocity and beside", "different velocities or positions"],
     );
-    // Responses of detected images are not measured, which is said.
+    // Responses of detected images are not measured, and the output states this.
     let detected = run(at, "quality sidd.nitf");
     assert!(detected.stderr.contains("complex values"), "{detected:?}");
     run(at, "quality sidd.nitf --at 0,0").failed(1, &["sidd.nitf", "complex values"]);

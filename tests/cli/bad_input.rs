@@ -188,7 +188,7 @@ fn inputs_that_do_not_belong_together() {
         folder.path(),
         &format!("focus a.mat whole.cphd --out out {GRID}"),
     )
-    .failed(1, &["samples a pulse"]);
+    .failed(1, &["samples per pulse"]);
     run(
         folder.path(),
         &format!("focus a.mat --channel 1 --out out {GRID}"),

@@ -179,7 +179,7 @@ fn incompatible_channels_are_refused() {
     refuse(
         "focus mimo.cphd --channels T1R1,1",
         1,
-        &["channel 'T1R1' is there twice"],
+        &["duplicate channel 'T1R1'"],
     );
     refuse("focus mimo.cphd --channels T1R1,", 2, &["--channels"]);
     refuse(
@@ -196,7 +196,7 @@ fn incompatible_channels_are_refused() {
     refuse(
         "focus odd.cphd --channels all",
         1,
-        &["'T1R1' has 128 pulses and channel 'T2R1' 127"],
+        &["'T1R1' has 128 pulses, but channel 'T2R1' has 127"],
     );
     run(
         at,

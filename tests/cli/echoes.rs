@@ -198,9 +198,13 @@ fn failed_write_leaves_no_file() {
     refuse(
         "simulate scene.toml --echoes file/raw",
         1,
-        "is a file and not a folder",
+        "expected a folder, but it or a part of its path is a file",
     );
-    refuse("simulate scene.toml --echoes taken", 1, "in the way");
+    refuse(
+        "simulate scene.toml --echoes taken",
+        1,
+        "a folder of that name exists",
+    );
     refuse(
         "simulate broken.toml --echoes raw",
         1,

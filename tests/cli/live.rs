@@ -109,7 +109,7 @@ fn capture_is_imaged_while_it_runs() {
     let read = Experiment::read(&folder.path().join("rail.toml"), &[]).unwrap();
     let live = read.live.unwrap();
     let capture = Capture::open(&folder.path().join("rail"), Options::default()).unwrap();
-    let track = live.way.track().unwrap();
+    let track = live.motion.track().unwrap();
     let grid: ImageGrid = live.grid;
     let (rows, columns) = (grid.rows.count, grid.columns.count);
     let extent = Extent {

@@ -266,7 +266,7 @@ fn messages_state_fault_place_and_advice() {
             2,
             &[
                 "--carrier",
-                "'9.6km' is a length and a frequency is wanted",
+                "'9.6km': expected a frequency, found a length",
                 "10 GHz",
             ],
         ),

@@ -98,7 +98,7 @@ fn input_is_not_overwritten_by_output_of_another_kind() {
         at,
         "link tcp://127.0.0.1:1 scene.cphd -o a.maps --picture a.maps",
     );
-    refused(&ran, &["a.maps", "named twice"]);
+    refused(&ran, &["a.maps", "for two outputs"]);
     assert_eq!(listing(at), before);
 
     // A recording whose array has the same name as the image's.
@@ -128,7 +128,7 @@ fn replaces_only_its_own(at: &Path, line: &str, name: &str) {
     fs::write(&file, mine).unwrap();
     let before = listing(at);
     // An array without its record counts as a file of another program; the first such file is named.
-    refused(&run(at, line), &["it is there already", "--force"]);
+    refused(&run(at, line), &["it exists, and", "--force"]);
     assert_eq!(listing(at), before, "{line}");
     assert_eq!(fs::read(&file).unwrap(), mine, "{line}");
     run(at, &format!("{line} --force")).succeeded();
@@ -234,7 +234,10 @@ fn edited_files_are_not_replaced() {
     )
     .unwrap();
     let ran = run(at, "simulate scene.toml --echoes raw");
-    refused(&ran, &["raw/recording.toml", "edited since", "--force"]);
+    refused(
+        &ran,
+        &["raw/recording.toml", "edited afterwards", "--force"],
+    );
     // An image that a user filtered in place: the same size, other content.
     run(at, &format!("focus scene.cphd {GRID} --out image")).succeeded();
     let path = at.join("image/image.npy");

@@ -125,7 +125,7 @@ fn product_is_measured_and_plotted() {
     run(at, "quality fast").failed(1, &["image.npy", "CRC-32", "form it again"]);
     bytes.pop();
     fs::write(&path, &bytes).unwrap();
-    run(at, "quality fast").failed(1, &["image.npy", "bytes and not"]);
+    run(at, "quality fast").failed(1, &["image.npy", "bytes, found"]);
     fs::remove_file(&path).unwrap();
     run(at, "quality fast").failed(1, &["image.npy", "a product is a folder"]);
     fs::write(

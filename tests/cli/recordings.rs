@@ -179,7 +179,7 @@ fn description_errors_state_the_expected_value() {
     info("radar.slop=3").failed(1, &["did you mean 'radar.slope'?"]);
     info("radra.slope=3").failed(1, &["did you mean 'radar.slope'?"]);
     info("recording.slope=3").failed(1, &["did you mean 'radar.slope'?"]);
-    info("recording.first=81").failed(1, &["numbered from 0 to 80"]);
+    info("recording.first=81").failed(1, &["the last pulse is 80"]);
     info("recording.count=82").failed(1, &["'count' is 82", "there are 81"]);
     let vary = |key: &str| {
         run(
@@ -263,7 +263,7 @@ fn file_size_that_is_no_multiple_of_a_pulse_is_explained() {
             "a.bin",
             "4000 samples",
             "10 sweeps",
-            "160 samples over",
+            "a rest of 160",
             "100",
         ],
     );

@@ -427,7 +427,7 @@ fn image_by_another_run_is_not_replaced() {
     // An invalid state file is an error.
     fs::write(at.join("job/job.json"), "{\"schema\":\"subaperture-job\"").unwrap();
     run(&at, "run job.toml").failed(1, &["job.json", "not a valid state of a job"]);
-    // What somebody else put there stays.
+    // Other files in the folder remain.
     fs::write(at.join("job/job.json"), "{}").unwrap();
     run(&at, "run job.toml").failed(1, &["job.json"]);
 }

@@ -83,7 +83,7 @@ fn every_kind_of_error_states_its_position() {
         "\"1 ms\"",
         "\"1 m\"",
         (14, 7),
-        "is a length and a time is wanted",
+        "expected a time, found a length",
     );
     refuse("\"1 ms\"", "\"1\"", (14, 7), "has no unit");
     refuse("\"1 ms\"", "0.001", (14, 7), "without a unit");
@@ -109,7 +109,7 @@ fn every_kind_of_error_states_its_position() {
         "too large",
     );
     refuse("\"ideal\"", "\"idael\"", (12, 8), "did you mean \"ideal\"?");
-    refuse("\"3, 4, 0 m\"", "\"3, 4 m\"", (9, 12), "holds 2 quantities");
+    refuse("\"3, 4, 0 m\"", "\"3, 4 m\"", (9, 12), "found 2 quantities");
     refuse(
         "\"-20, 20 m\"",
         "\"20, -20 m\"",

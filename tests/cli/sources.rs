@@ -1,7 +1,7 @@
 //! Rules for sources: image formers are found by their list, with stated exceptions; code that affects an image's bits uses no functions of
 //! the platform; no two files import each other.
 
-mod circles;
+mod import_cycles;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -317,14 +317,14 @@ fn files_have_no_circular_imports() {
             })
             .collect();
         searched += files.len();
-        for circle in circles::circles(&files) {
+        for cycle in import_cycles::cycles(&files) {
             let place = folder.strip_prefix(root()).unwrap();
-            found += &format!("\nin {}:\n    {}", place.display(), circle.join("\n    "));
+            found += &format!("\nin {}:\n    {}", place.display(), cycle.join("\n    "));
         }
     }
     assert!(
         found.is_empty(),
-        "these import each other; move the shared items to a file below them:{found}"
+        "these files import each other; move the shared items to a file below them:{found}"
     );
     assert!(searched > 300, "{searched}");
 }

@@ -220,7 +220,7 @@ fn killed_runs_resume_with_same_bits() {
             assert!(*bytes == got[file], "{name}: {file}");
         }
         assert!(folder.join(format!("{name}/image.png")).is_file());
-        // Partial files of killed runs are gone.
+        // Partial files of killed runs are removed.
         let left = hidden(&folder.join(name));
         assert!(left.is_empty(), "{name}: {left:?}");
     }

@@ -90,7 +90,7 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
         ),
         (
             "focus a.mat --out d --grid x=0:1:1,y=0:1:1,x=0:2:1",
-            vec!["--grid", "x is given twice"],
+            vec!["--grid", "x is given more than once"],
         ),
         (
             "focus a.mat --out d --memory lots",

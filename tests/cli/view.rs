@@ -535,7 +535,7 @@ fn unsupported_inputs_are_refused() {
         (
             "view image --layer bad.geojson",
             1,
-            &["bad.geojson", "no GeoJSON"],
+            &["bad.geojson", "not GeoJSON"],
         ),
         ("view image --layer bad.csv", 1, &["bad.csv, line 1"]),
         ("view image --maps nowhere.cphd", 1, &["nowhere.cphd"]),

@@ -72,7 +72,7 @@ impl Scene {
         let weights = Weights {
             fast: hamming(num_samples),
             slow: hamming(num_pulses),
-            lit: None,
+            illumination: None,
             windows: None,
         };
         let history = InMemory::new(collection, samples).unwrap();

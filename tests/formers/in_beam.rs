@@ -14,7 +14,7 @@ use subaperture::io::cphd::{self, WriteOptions};
 use subaperture::io::recording::{self, Raw};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{
-    Collection, InMemory, PhaseHistory, Pulse, Stretch, Sweep, Weights,
+    Collection, InMemory, PhaseHistory, Pulse, PulseRange, Sweep, Weights,
 };
 use subaperture::prelude::{Backprojection, BeamChoice, Focusing};
 use subaperture::signal::window::Window;
@@ -84,7 +84,7 @@ fn in_beam(name: &str) -> InBeam {
 /// The plain sum at every pixel over the pulses whose beam covers the middle of the pixel's block, with this test's own Hamming window over
 /// these pulses.
 fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Complex64> {
-    let lit = weights.lit.as_ref().unwrap();
+    let lit = weights.illumination.as_ref().unwrap();
     let columns = grid.columns.count;
     let mut values = vec![Complex64::ZERO; grid.rows.count * columns];
     for block in 0..lit.num_blocks() {
@@ -97,11 +97,11 @@ fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Comp
         let seeing: Vec<usize> = (0..PULSES).filter(sees).collect();
         let range = seeing[0]..seeing[seeing.len() - 1] + 1;
         assert_eq!(lit.pulses(block), range);
-        let part = Stretch::new(history, range.clone());
+        let part = PulseRange::new(history, range.clone());
         let own = Weights {
             fast: hamming(32),
             slow: hamming(range.len()),
-            lit: None,
+            illumination: None,
             windows: None,
         };
         let pixels: Vec<usize> = rows
@@ -144,7 +144,7 @@ fn every_former_keeps_bound_in_beam() {
                 Window::Hamming,
             )
             .unwrap();
-        assert!(weights.lit.as_ref().unwrap().num_blocks() > 4);
+        assert!(weights.illumination.as_ref().unwrap().num_blocks() > 4);
         let task = Task {
             history: &history,
             grid: &grid,

@@ -11,7 +11,7 @@ use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::monitor::{Monitor, Silent};
-use subaperture::phase_history::{PhaseHistory, Pulse, Stretch, Weights};
+use subaperture::phase_history::{PhaseHistory, Pulse, PulseRange, Weights};
 use subaperture::radar::Motion;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Experiment, Recording};
@@ -91,7 +91,7 @@ fn formed(
     [from, to]: [usize; 2],
     grid: &ImageGrid,
 ) -> Image {
-    let stretch = Stretch::new(history, from..to);
+    let stretch = PulseRange::new(history, from..to);
     let weights = Weights::new(stretch.collection(), Window::None, Window::None);
     let task = Task {
         history: &stretch,

@@ -9,10 +9,10 @@ use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::io::recording::{self, Raw};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{
-    Beam, Collection, InMemory, NoBeam, PhaseHistory, Pulse, Stretch, Sweep, Weights,
+    Beam, Collection, InMemory, NoBeam, PhaseHistory, Pulse, PulseRange, Sweep, Weights,
 };
 use subaperture::prelude::{Backprojection, Focusing};
-use subaperture::radar::{Antenna, Carried, Pattern};
+use subaperture::radar::{Antenna, MountedAntennas, Pattern};
 use subaperture::signal::window::Window;
 use subaperture::simulate::scenario::Scenario;
 use subaperture_tests::plain_history::{complex, plain_pulse, plain_sum};
@@ -79,7 +79,7 @@ fn spotlight() -> InMemory {
             elevation_rad: 0.5,
         },
     };
-    let carried = Carried {
+    let carried = MountedAntennas {
         antennas: [antenna("transmitter"), antenna("receiver")],
         attitudes: (0..PULSES)
             .map(|n| [DQuat::from_rotation_z(-scan_rad(n)); 2])
@@ -96,7 +96,7 @@ fn spotlight() -> InMemory {
 
 /// The plain sum at every pixel, over the pulses whose antennas point within half the width of the middle of the pixel's block, under a Hamming window.
 fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Complex64> {
-    let lit = weights.lit.as_ref().unwrap();
+    let lit = weights.illumination.as_ref().unwrap();
     let columns = grid.columns.count;
     let mut values = vec![Complex64::ZERO; grid.num_pixels() as usize];
     for block in 0..lit.num_blocks() {
@@ -116,11 +116,11 @@ fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Comp
             found.start.abs_diff(range.start) <= 2 && found.end.abs_diff(range.end) <= 2,
             "{found:?} {range:?}"
         );
-        let part = Stretch::new(history, found.clone());
+        let part = PulseRange::new(history, found.clone());
         let own = Weights {
             fast: hamming(32),
             slow: hamming(found.len()),
-            lit: None,
+            illumination: None,
             windows: None,
         };
         let pixels: Vec<usize> = rows
@@ -172,7 +172,7 @@ fn a_stated_pattern_turns_with_its_antennas() {
 
     // A point in the middle is seen during most of the track; in a direction that does not turn, during 0.07 rad of 300 m: 21 m of 96 m.
     let longest = |weights: &Weights| {
-        let lit = weights.lit.as_ref().unwrap();
+        let lit = weights.illumination.as_ref().unwrap();
         (0..lit.num_blocks())
             .map(|block| lit.pulses(block).len())
             .max()

@@ -109,7 +109,7 @@ fn export_refuses_impossible_maps_with_a_remedy() {
         ("image -o a.tif --place 91,0", 2, "-90 to 90"),
         ("image -o a.tif --speed 3m/s", 2, "--format sicd"),
         ("image -o a.nitf --looks 3", 2, "apply to maps"),
-        ("image -o theirs.tif", 1, "no map that subap wrote"),
+        ("image -o theirs.tif", 1, "not a map written by subap"),
         ("image -o theirs.png", 1, "theirs.pgw"),
         ("image -o a.tif --pixel 3km", 1, "use smaller pixels"),
         ("image -o a.tif --place 89,0", 1, "84 degrees north"),
@@ -131,7 +131,7 @@ fn export_refuses_impossible_maps_with_a_remedy() {
         ("-o map.json --format cog", "map.json"),
         ("-o map.pgw --format png", "map.pgw"),
         ("-o image/image.tif --force", "image.json"),
-        ("-o own.tif", "no STAC item"),
+        ("-o own.tif", "not a STAC item"),
     ] {
         run(at, &format!("export image {line}")).failed(1, &[expected]);
     }

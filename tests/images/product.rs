@@ -143,7 +143,7 @@ fn npy_reader_rejects_other_types_and_damage() {
         ),
         (
             "{'descr': '<c8', 'fortran_order': False, 'shape': (2, 4), }",
-            "need 64 bytes",
+            "expected 64 bytes",
         ),
         (
             "{'descr': '<c8', 'fortran_order': False, 'shape': (4294967296, 4294967296), }",
@@ -263,7 +263,10 @@ fn foreign_files_in_the_way_are_reported_before_processing() {
     for folder in [file.clone(), file.join("sub")] {
         for result in [Product::prepare(&folder, 1), write(&folder, &image(1, 1))] {
             let text = result.unwrap_err().to_string();
-            assert!(text.contains("is a file and not a folder"), "{text}");
+            assert!(
+                text.contains("expected a folder, but it or a part of its path is a file"),
+                "{text}"
+            );
             assert!(text.contains("file"), "{text}");
         }
     }
@@ -272,7 +275,7 @@ fn foreign_files_in_the_way_are_reported_before_processing() {
         .unwrap_err()
         .to_string();
     assert!(
-        text.contains("image.png") && text.contains("in the way"),
+        text.contains("image.png") && text.contains("a folder of that name exists"),
         "{text}"
     );
     assert!(write(&base.path().join("out"), &image(1, 1)).is_err());

@@ -199,7 +199,7 @@ impl Case {
 
     fn looks(&self, window: Window) -> Looks {
         Looks::new(&self.collection, window, window)
-            .lit(|part| self.gains[(part * NUM_PULSES as f64) as usize])
+            .with_gain(|part| self.gains[(part * NUM_PULSES as f64) as usize])
     }
 }
 
@@ -366,7 +366,7 @@ fn measured_gains_recover_beam_width() {
     let history = InMemory::new(case.collection.clone(), samples).unwrap();
     let gains = measured_gains(&history, case.place_m, Window::None, &Silent).unwrap();
     let lit = Looks::new(&case.collection, Window::None, Window::None)
-        .lit(|part| gains[(part * NUM_PULSES as f64) as usize]);
+        .with_gain(|part| gains[(part * NUM_PULSES as f64) as usize]);
     let predicted_m = lit
         .at(case.place_m)
         .along(DVec3::X)

@@ -160,11 +160,11 @@ fn invalid_arrays_are_named() {
         message(&arrays)
     };
     for (found, parts) in [
-        (without("samples"), ["no phase history", "'samples'"]),
+        (without("samples"), ["not a phase history", "'samples'"]),
         (
             without("antenna_m"),
             [
-                "where the antennas were is missing",
+                "antenna positions are missing",
                 "'transmitter_m' and 'receiver_m'",
             ],
         ),
@@ -175,11 +175,14 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("samples", "<f8", "(3, 2)", vec![0.0; 6]),
-            ["array 'samples' is real", "complex"],
+            ["array 'samples': expected complex", "found real"],
         ),
         (
             with("samples", "<c16", "(6,)", vec![0.0; 12]),
-            ["array 'samples' has shape (6)", "pulses x frequencies"],
+            [
+                "array 'samples': expected shape pulses x frequencies",
+                "found (6)",
+            ],
         ),
         (
             with("samples", "<c16", "(3, 2)", vec![f64::NAN; 12]),
@@ -187,23 +190,23 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("antenna_m", "<f8", "(4, 3)", vec![0.0; 12]),
-            ["array 'antenna_m' has shape (4, 3)", "(3, 3)"],
+            ["array 'antenna_m': expected shape", "found (4, 3)"],
         ),
         (
             with("antenna_m", "<f8", "(3, 3)", vec![f64::INFINITY; 9]),
-            ["array 'antenna_m': value 0", "finite"],
+            ["array 'antenna_m': expected finite", "index 0"],
         ),
         (
             with("receiver_m", "<f8", "(3, 3)", vec![0.0; 9]),
-            ["both 'antenna_m' and", "leave out"],
+            ["both 'antenna_m' and", "remove one"],
         ),
         (
             with("frequency_hz", "<f8", "(2,)", vec![1.0, 1.1]),
-            ["array 'frequency_hz' starts at 1", "GHz"],
+            ["array 'frequency_hz': expected hertz", "GHz"],
         ),
         (
             with("step_hz", "<f8", "(1,)", vec![1e6]),
-            ["both 'frequency_hz' and", "leave out"],
+            ["both 'frequency_hz' and", "remove one"],
         ),
         (
             with("sign", "<f8", "(1,)", vec![2.0]),
@@ -211,22 +214,25 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("time_s", "<f8", "(3,)", vec![0.0, 2.0, 1.0]),
-            ["array 'time_s': pulse 2 is earlier", "order of time"],
+            [
+                "array 'time_s': pulse 2 is earlier",
+                "sort the pulses by time",
+            ],
         ),
         (
             without("sign"),
-            ["the phase is not stated", "give 'sign', -1 or 1"],
+            ["the phase convention is not stated", "give 'sign', -1 or 1"],
         ),
         (
             without("reference_path_m"),
             [
-                "the phase is not stated",
+                "the phase convention is not stated",
                 "give 'reference_path_m' (0 for raw echoes)",
             ],
         ),
         (
             with("extent_m", "<f8", "(4,)", vec![1.0, 0.0, 0.0, 1.0]),
-            ["array 'extent_m'", "least and greatest x"],
+            ["array 'extent_m'", "minimum and maximum x"],
         ),
         (
             with("origin_deg_m", "<f8", "(3,)", vec![147.0, 0.0, 0.0]),

@@ -245,13 +245,13 @@ fn mismatched_files_and_sections_are_reported() {
             "average = 4",
             "average = 5",
             8,
-            "scan1.bin holds 32 sweeps of each receiver, and 10 make a pulse",
+            "scan1.bin has 32 sweeps of each receiver, not a multiple of 10 per pulse",
         ),
         (
             "samples = 128",
             "samples = 127",
             5,
-            "scan1.bin holds 12288 samples",
+            "scan1.bin has 12288 samples",
         ),
         ("scan{1..3}.bin", "scan{1..4}.bin", 4, "scan4.bin"),
         (
@@ -292,7 +292,7 @@ fn mismatched_files_and_sections_are_reported() {
     let error = RecordingFile::new("scan.toml", TEXT, folder.path()).history(u64::MAX);
     let error = error.expect_err("refused").to_string();
     assert!(
-        error.contains("scan2.bin holds 31 sweeps") && error.contains("7 are over"),
+        error.contains("scan2.bin has 31 sweeps") && error.contains("7 are over"),
         "{error}"
     );
 }
@@ -399,7 +399,7 @@ fn described_channel_is_opened_by_name_and_number() {
     let error = open_channels(&path, Some(&["T3R1"]), &Options::default())
         .err()
         .unwrap();
-    let expected = "no channel 'T3R1'; choose one of: T1R1, T1R2, T1R3, T2R1, T2R2, T2R3";
+    let expected = "unknown channel 'T3R1': expected one of: T1R1, T1R2, T1R3, T2R1, T2R2, T2R3";
     assert_eq!(error.to_string(), expected);
 }
 
@@ -537,7 +537,7 @@ fn recordings_of_several_channels_are_joined_by_channel() {
     assert_eq!(
         error.to_string(),
         format!(
-            "{} has channel 'aft' and {} has not",
+            "{} has channel 'aft', but {} does not",
             early.display(),
             late.display()
         )
@@ -574,7 +574,7 @@ fn incompatible_channels_are_reported() {
     );
     let (parallel, message) = open_both(&pass(0, 6, 5, 1.5), [H, H]);
     assert!(
-        parallel && message.contains("'A' has 4 samples a pulse and channel 'B' 5"),
+        parallel && message.contains("'A' has 4 samples per pulse, but channel 'B' has 5"),
         "{message}"
     );
     let (parallel, message) = open_both(&pass(0, 6, 4, 0.0), [Polarization::Unspecified; 2]);
@@ -585,12 +585,12 @@ fn incompatible_channels_are_reported() {
     // Channels with different pulses are not opened in parallel either.
     let (parallel, message) = open_both(&pass(0, 7, 4, 1.5), [H, H]);
     assert!(
-        !parallel && message.contains("'A' has 6 pulses and channel 'B' 7"),
+        !parallel && message.contains("'A' has 6 pulses, but channel 'B' has 7"),
         "{message}"
     );
     let (parallel, message) = open_both(&pass(6, 6, 4, 1.5), [H, H]);
     assert!(
-        !parallel && message.contains("do not share pulses"),
+        !parallel && message.contains("expected channels with the same pulses"),
         "{message}"
     );
 }

@@ -380,7 +380,9 @@ fn noise_and_silence_are_refused() {
     ))
     .unwrap_err();
     assert!(
-        error.contains("no image can decide it (expected antennas that move by at least 4 wavelengths, found less)"),
+        error.contains(
+            "cannot be inferred (expected antennas that move by at least 4 wavelengths, found less)"
+        ),
         "{error}"
     );
 }
@@ -400,7 +402,7 @@ fn phase_must_be_stated_without_inference() {
         .unwrap()
         .to_string();
     assert!(
-        error.contains("the phase is not stated: give 'sign'"),
+        error.contains("the phase convention is not stated: give 'sign'"),
         "{error}"
     );
 }

@@ -260,7 +260,7 @@ fn each_error_states_its_line() {
             "range_bias = \"14 cm\"",
             "range_bias = \"14 ms\"",
             9,
-            "a length is wanted",
+            "expected a length",
         ),
         (
             "range_bias = \"14 cm\"",
@@ -268,18 +268,23 @@ fn each_error_states_its_line() {
             9,
             "cannot read",
         ),
-        ("range_bias = \"14 cm\"", "times = \"t\"", 9, "no archive"),
+        (
+            "range_bias = \"14 cm\"",
+            "times = \"t\"",
+            9,
+            "not in an archive",
+        ),
         (
             "range_bias = \"14 cm\"",
             "first = 161",
             9,
-            "numbered from 0 to 160",
+            "the last pulse is 160",
         ),
         (
             "range_bias = \"14 cm\"",
             "pulses = \"moving\"\nmoving_above = \"1 km/s\"",
             9,
-            "no pulse",
+            "does not move in any pulse",
         ),
         (
             "range_bias = \"14 cm\"",
@@ -304,7 +309,7 @@ fn each_error_states_its_line() {
             "slope = \"8 MHz/us\"",
             "slope = \"8 MHz\"",
             14,
-            "a frequency and a sweep rate is wanted",
+            "expected a sweep rate, found a frequency",
         ),
         ("radius = \"31 cm\"", "radius = \"-1 cm\"", 20, "above 0"),
         (

@@ -150,8 +150,8 @@ fn samples_in_every_order_show_target_at_its_position() {
 #[test]
 fn samples_beyond_float32_are_refused() {
     for (scale, part) in [
-        (1e-300, "largest value is"),
-        (1e300, "beyond the largest of float32"),
+        (1e-300, "the largest value is"),
+        (1e300, "beyond the float32 maximum"),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let data: Vec<u8> = (0..8)

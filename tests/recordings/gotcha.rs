@@ -193,41 +193,44 @@ fn missing_and_misshapen_fields_are_named() {
         assert!(text.contains(&format!("data.{name} is missing")), "{text}");
         assert!(text.contains("fields found:"), "{text}");
         let text = message(&with(name, Some(Value::Empty)));
-        assert!(text.contains(&format!("data.{name} is 0 x 0")), "{text}");
+        assert!(
+            text.contains(&format!("data.{name}: expected")) && text.contains("found 0 x 0"),
+            "{text}"
+        );
         let text = message(&with(name, Some(Value::Text("none"))));
         assert!(
-            text.contains(&format!("data.{name} is 1 x 4 text")),
+            text.contains(&format!("data.{name}: expected")) && text.contains("found 1 x 4 text"),
             "{text}"
         );
     }
     let two = Value::Double(1, 2, vec![1.0, 2.0]);
     for (name, value, part) in [
-        ("x", two.clone(), "data.x is 1 x 2; data.fp has 3 columns"),
-        ("freq", two, "data.freq is 1 x 2; data.fp has 4 rows"),
+        ("x", two.clone(), "since data.fp has 3 columns, found 1 x 2"),
+        ("freq", two, "since data.fp has 4 rows, found 1 x 2"),
         (
             "fp",
             Value::Single(4, 3, vec![0.0; 12]),
-            "data.fp is 4 x 3 single; a complex matrix",
+            "data.fp: expected a complex matrix, frequencies x pulses, found 4 x 3 single",
         ),
         (
             "fp",
             Value::Complex(4, 0, vec![], vec![]),
-            "data.fp is 4 x 0: no image comes of 0 pulses",
+            "data.fp is 4 x 0: no image can be formed from 0 pulses",
         ),
         (
             "fp",
             Value::Complex(1, 3, vec![0.0; 3], vec![0.0; 3]),
-            "no image comes of 3 pulses of 1 frequencies",
+            "no image can be formed from 3 pulses of 1 frequencies",
         ),
         (
             "fp",
             Value::Complex(4, 3, vec![0.0; 11], vec![0.0; 12]),
-            "its real part holds 11",
+            "its real part has 11",
         ),
         (
             "fp",
             Value::Complex(i32::MAX, i32::MAX, vec![0.0; 12], vec![0.0; 12]),
-            "its real part holds 12",
+            "its real part has 12",
         ),
         (
             "fp",
@@ -237,12 +240,12 @@ fn missing_and_misshapen_fields_are_named() {
         (
             "z",
             Value::Double(1, 3, vec![1.0, f64::NAN, 1.0]),
-            "data.z: value 1 is NaN",
+            "data.z: expected finite values, found NaN at index 1",
         ),
         (
             "r0",
             Value::Double(1, 3, vec![1.0, 1.0, -1.0]),
-            "data.r0 of pulse 2 is -1",
+            "data.r0 of pulse 2: expected a positive range in metres, found -1",
         ),
         (
             "freq",
@@ -310,23 +313,23 @@ fn frequencies_in_other_units_or_unordered_are_refused() {
         assert!(text.contains(part), "{text}");
     };
     let all = || (0..424).map(band);
-    refused(all().map(|f| f / 1e9).collect(), "hertz are expected");
-    refused(all().map(|f| f / 1e6).collect(), "hertz are expected");
+    refused(all().map(|f| f / 1e9).collect(), "expected hertz");
+    refused(all().map(|f| f / 1e6).collect(), "expected hertz");
     // In kHz the band is 9.3 MHz; a deviation of 4 kHz then exceeds the float32 step of 1 Hz.
     refused(
         all().map(|f| f / 1e3 + 40.0 * random()).collect(),
-        "(at most 4 Hz)",
+        "equal spacing within 4 Hz",
     );
     // Float32 steps of 1024 Hz exceed the line's own step here: a quarter of it is the limit.
     refused(
         (0..424)
             .map(|k| 9.3e9 + 1000.0 * (f64::from(k) + random()))
             .collect(),
-        "off the straight line (at most 250 Hz)",
+        "expected equal spacing within 250 Hz",
     );
     let mut sorted: Vec<f64> = (0..424).map(|_| 9.3e9 + 6e8 * random()).collect();
     sorted.sort_by(f64::total_cmp);
-    refused(sorted, "(at most 4096 Hz)");
+    refused(sorted, "equal spacing within 4096 Hz");
     let unsorted: Vec<f64> = (0..424).map(|_| 9.3e9 + 6e8 * random()).collect();
     refused(unsorted, "data.freq");
 }
@@ -347,9 +350,9 @@ fn other_mat_files_are_refused_with_their_kind() {
     assert!(message(&matlab::file(&[])).contains("variables found: none"));
     assert!(message(b"").contains("the file is empty"));
     let plain = matlab::matrix("data", &Value::Double(1, 1, vec![1.0]));
-    assert!(message(&matlab::file(&[plain])).contains("'data' is 1 x 1 double"));
+    assert!(message(&matlab::file(&[plain])).contains("found 1 x 1 double"));
     let many = matlab::matrix("data", &Value::Structure(1, 2, vec![]));
-    assert!(message(&matlab::file(&[many])).contains("'data' is 1 x 2 structure"));
+    assert!(message(&matlab::file(&[many])).contains("found 1 x 2 structure"));
     let mut swapped = matlab::gotcha(matlab::gotcha_fields());
     swapped[126..128].copy_from_slice(b"MI");
     assert!(message(&swapped).contains("big-endian"));
@@ -388,7 +391,7 @@ fn file_kind_follows_from_content() {
         (b"\x93NUMPY\x01\x00", "NumPy array"),
         (b"\x89HDF\r\n", "HDF5"),
         (b"NITF02.10", "NITF"),
-        (b"CPHD/0.3\n", "version before 1"),
+        (b"CPHD/0.3\n", "before version 1"),
         (b"hello", "neither CPHD nor MATLAB 5"),
     ] {
         std::fs::write(&path, start).unwrap();

@@ -16,7 +16,7 @@ pub fn text() -> String {
 /// Error, dB, in a column of the row that begins with `former`. Columns are Table 4.1 by 26 sub-CPIs, by 8, and GOTCHA.
 ///
 /// # Panics
-/// If there is no such row or figure.
+/// Panics if there is no such row or figure.
 pub fn figure_db(former: &str, column: usize) -> f64 {
     let text = text();
     let start = format!("| {former} |");

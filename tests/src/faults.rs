@@ -39,7 +39,7 @@ pub trait Device: Transport {
     fn restart(&mut self) -> io::Result<()>;
 }
 
-/// The host's end of a faulty line.
+/// Host's end of a faulty line.
 pub struct FaultyLine<D> {
     device: D,
     faults: Faults,
@@ -54,7 +54,7 @@ pub struct FaultyLine<D> {
 }
 
 impl<D: Device> FaultyLine<D> {
-    /// A line to `device` with these faults.
+    /// Create a line to `device` with these faults.
     pub fn new(device: D, faults: Faults) -> Self {
         Self {
             device,
@@ -68,7 +68,7 @@ impl<D: Device> FaultyLine<D> {
         }
     }
 
-    /// The device without the line.
+    /// Return the device without the line.
     pub fn into_device(self) -> D {
         self.device
     }

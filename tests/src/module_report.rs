@@ -291,10 +291,10 @@ enum Show {
     Bytes(&'static str),
     /// Thousands.
     Kilo(&'static str),
-    /// Of a map.
+    /// Samples per map.
     Share(&'static str),
     Tenths(&'static str),
-    /// At 92160 bytes a second.
+    /// Transfer time at 92160 bytes per second.
     Seconds(&'static str),
     Ratio,
 }

@@ -316,7 +316,6 @@ fn profile_checksum_is_reproducible() {
     );
 }
 
-/// As documented.
 #[test]
 fn memory_matches_documentation() {
     const BYTES: usize = Profiler::<32, 256, 512>::BYTES;

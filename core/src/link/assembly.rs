@@ -4,7 +4,7 @@
 //! caller's buffer. A map is returned only if its start, every row in order, and its end were received, with the
 //! lengths stated by the start and the checksum stated by the end. Otherwise it is lost and counted once.
 //!
-//! **Numbering.** The maps of a run are numbered 0, 1, ... A map of which nothing was received is therefore noticed
+//! **Numbering.** The maps of a run are numbered 0, 1, ... A map without any received report is therefore noticed
 //! with the next map, or at the end of the run by [`MapAssembly::finish`]: `complete + lost` is then the number of
 //! maps that the module formed. Further reports of a completed or lost map are ignored.
 //!

@@ -1,4 +1,4 @@
-//! Range profiles of a stepped-frequency radar from the samples of its two receivers (Chim 2018, chapter 5), so that a module beside the radio can send profiles instead of samples.
+//! Range profiles of a stepped-frequency radar from the samples of its two receivers (Chim 2018, chapter 5), for a module that sends profiles instead of samples.
 //!
 //! ```text
 //! burst at a carrier: reference and echo samples ─> fold ─> block means ─> z_n, echo over reference

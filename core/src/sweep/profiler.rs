@@ -190,7 +190,7 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
     /// Add samples of reference and echo channel of the burst at carrier `carrier` in sweep `sweep`, from sample `first` of the
     /// burst on. A burst ends with its last sample or when another burst begins. A burst at the same carrier as the previous one
     /// begins with a sample index that is not ahead. Samples of a later sweep, or of the sweep whose profile is available, start
-    /// that sweep anew.
+    /// that sweep again.
     ///
     /// # Errors
     /// [`BurstError`] states why the samples were rejected.

@@ -200,9 +200,9 @@ impl PhaseHistory for Corrected<'_> {
         Ok(())
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
         match self.phasors.is_empty() {
-            true => self.history.at_hand(pulses),
+            true => self.history.samples_in_memory(pulses),
             false => None,
         }
     }

@@ -23,7 +23,7 @@ use glam::DVec3;
 use subaperture_focus::{FormError, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
-use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
+use subaperture_model::phase_history::{PhaseHistory, PulseRange, Weights};
 use subaperture_quality::registration::offset;
 use subaperture_signal::dense::solve;
 
@@ -170,7 +170,7 @@ fn image_of(look: &RoundInput, span: Range<usize>, looks: usize) -> Result<Image
     let subject = look.subject;
     // Memory of the best image, the previous one, and the looks.
     let held_bytes = (looks as u64 + 2) * 8 * subject.grid.num_pixels();
-    let stretch = Stretch::new(look.history, span);
+    let stretch = PulseRange::new(look.history, span);
     let [fast, slow] = subject.windows;
     let task = Task {
         history: &stretch,

@@ -11,7 +11,7 @@ use subaperture_focus::{FormError, ImageFormer, Remedy, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
+use subaperture_model::phase_history::{PhaseHistory, PulseRange, Weights};
 use subaperture_quality::statistics::{Region, Statistics};
 use subaperture_signal::window::Window;
 
@@ -134,11 +134,11 @@ pub fn merits(
     let mut parts: Vec<(Vec<Complex32>, f64)> = Vec::with_capacity(PARTS);
     for part in 0..PARTS {
         let range = part * count / PARTS..(part + 1) * count / PARTS;
-        let stretch = Stretch::new(history, range.clone());
+        let stretch = PulseRange::new(history, range.clone());
         let weights = Weights {
             fast: weights.fast.clone(),
             slow: weights.slow[range].to_vec(),
-            lit: None,
+            illumination: None,
             windows: None,
         };
         let weight = weights.slow.iter().sum::<f64>() / total_weight;

@@ -113,8 +113,8 @@ impl PhaseHistory for Moving<'_> {
         self.history.read(pulses, samples)
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
-        self.history.at_hand(pulses)
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.samples_in_memory(pulses)
     }
 
     fn channels(&self) -> Vec<Channel> {

@@ -160,7 +160,7 @@ impl<'a> Probes<'a> {
             total: None,
             pulses: 0..0,
         });
-        let lit = spec.weights.lit.as_ref();
+        let lit = spec.weights.illumination.as_ref();
         let blocks = lit.map(|lit| {
             let block = |i: &usize| lit.block_of(i / columns, i % columns);
             pixels.iter().map(block).collect()
@@ -193,7 +193,7 @@ impl<'a> Probes<'a> {
     /// Add a pulse to the sums of the points it illuminates.
     fn add_pulse(&self, n: usize, row: &[Complex32], fast: &[f32], sums: &mut [Complex64]) {
         let weights = self.spec.weights;
-        let (Some(lit), Some(blocks)) = (&weights.lit, &self.blocks) else {
+        let (Some(lit), Some(blocks)) = (&weights.illumination, &self.blocks) else {
             self.add_weighted(n, weights.slow[n], (row, fast), &self.points, sums);
             return;
         };
@@ -308,7 +308,7 @@ impl<'a> Probes<'a> {
     /// block.
     fn total(&self, levels: &[PulseLevels]) -> Total {
         let weights = self.spec.weights;
-        let Some(lit) = &weights.lit else {
+        let Some(lit) = &weights.illumination else {
             return total(&weights.fast, &weights.slow, levels);
         };
         // Blocks formed from the same pulses have the same levels: one of them, and their number.
@@ -437,8 +437,8 @@ impl PhaseHistory for Sampled<'_> {
         Ok(())
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
-        let samples = self.history.at_hand(pulses.clone())?;
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        let samples = self.history.samples_in_memory(pulses.clone())?;
         self.probes.add(pulses, samples, self.monitor);
         Some(samples)
     }

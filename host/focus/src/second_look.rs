@@ -226,7 +226,7 @@ pub(super) fn add_all(
             return Err(FormError::Cancelled);
         }
         let pulses = first..(first + block).min(num_pulses);
-        match history.at_hand(pulses.clone()) {
+        match history.samples_in_memory(pulses.clone()) {
             Some(samples) => probes.add(pulses, samples, monitor),
             None => {
                 held.resize(pulses.len() * width, Complex32::ZERO);

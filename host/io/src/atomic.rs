@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 use super::lock::KEPT_SUFFIX;
 use super::moves::{self, Moves};
 use super::place::OutputPlace;
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 
 pub use super::moves::sync_folder;
 pub use super::write_error::WriteError;
 
-/// Write one file atomically: `write` fills a hidden file in the same folder, which is forced to disk
-/// and then renamed to `path`. `needed_bytes` is for the message of a full disk; 0 if not known.
-/// A symbolic link is followed; missing folders are made.
+/// Write one file atomically: `write` fills a hidden file in the same folder, which is synced and renamed to `path`.
+/// `needed_bytes` (0 if unknown) is stated in the error of a full disk. Symbolic links are followed; missing folders
+/// are created.
 ///
 /// # Errors
-/// [`WriteError`]; then `path` is unchanged and the hidden file is removed.
+/// [`WriteError`]; `path` is then unchanged and the hidden file is removed.
 pub fn write_atomically<T>(
     path: &Path,
     needed_bytes: u64,
@@ -29,25 +29,25 @@ pub fn write_atomically<T>(
     Ok(value)
 }
 
-/// A hidden file in the folder of its target, which is locked meanwhile. Gone when dropped, unless committed.
+/// Hidden file in its target's folder, which stays locked. Removed when dropped without commit.
 #[derive(Debug)]
 pub struct AtomicFile {
     file: File,
-    // Before the place: when dropped, the file goes before the lock and the folder.
+    // Declared before the place, so that it is dropped before the lock and the folder.
     hidden: Hidden,
     place: OutputPlace,
-    /// As the user calls it.
+    /// Path as given by the user.
     path: PathBuf,
     needed_bytes: u64,
 }
 
 impl AtomicFile {
-    /// Begins a file that is to become `path`. A symbolic link is followed, missing folders are made. The hidden
-    /// file's name ends in `suffix`.
+    /// Create a hidden file that will replace `path`. Symbolic links are followed; missing folders are created. The
+    /// name of the hidden file ends in `suffix`.
     ///
     /// # Errors
-    /// If the folder cannot be written to, has less than `needed_bytes` free, `path` exists and is not a file, or
-    /// another process is writing it.
+    /// [`WriteError`] if the folder is not writable or has less than `needed_bytes` free, if `path` exists and is not
+    /// a file, or if another process is writing it.
     pub fn create(path: &Path, needed_bytes: u64, suffix: &str) -> Result<Self, WriteError> {
         let place = OutputPlace::of_file(path)?;
         check_room(path, place.folder(), needed_bytes)?;
@@ -57,9 +57,9 @@ impl AtomicFile {
             needed_bytes,
             source,
         })?;
-        // What is kept of a killed run is kept of one that ends at once too.
+        // Resumable files of killed runs remain also after runs that fail at once.
         if suffix != KEPT_SUFFIX {
-            unfinished::begin(Thing::File(hidden.clone()));
+            unfinished::begin(Unfinished::File(hidden.clone()));
         }
         Ok(Self {
             file,
@@ -70,12 +70,12 @@ impl AtomicFile {
         })
     }
 
-    /// The file to be filled.
+    /// Hidden file to be filled.
     pub fn file(&mut self) -> &mut File {
         &mut self.file
     }
 
-    /// The error of writing it.
+    /// Convert an error of writing the file.
     pub fn failed(&self, source: io::Error) -> WriteError {
         WriteError::Io {
             path: self.path.clone(),
@@ -84,24 +84,24 @@ impl AtomicFile {
         }
     }
 
-    /// Forces the file to disk and renames it into place.
+    /// Sync the file and rename it to its target.
     ///
     /// # Errors
-    /// Then the target is as it was.
+    /// [`WriteError`]; the target is then unchanged.
     pub fn commit(self) -> Result<(), WriteError> {
         let synced = self.file.sync_all();
         synced.map_err(|source| self.failed(source))?;
         moves::all(|moves| self.put(moves), |source| self.failed(source))
     }
 
-    /// Rename the file, which was forced to disk, into place.
+    /// Rename the synced file to its target.
     pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
         let put = moves.put(&self.hidden.0, &self.place.path, &self.place.lock);
         put.map_err(|source| self.failed(source))
     }
 }
 
-/// A hidden file, removed when dropped, if it is still there.
+/// Path of a hidden file that is removed when dropped.
 #[derive(Debug)]
 struct Hidden(PathBuf);
 
@@ -112,15 +112,14 @@ impl Drop for Hidden {
     }
 }
 
-/// Free space for an ordinary user at `path`, bytes; `None` where the system does not report it.
+/// Free space at `path` for an ordinary user in bytes. `None` if the system does not report it.
 pub fn free_bytes(path: &Path) -> Option<u64> {
     let path = std::path::absolute(path).ok()?;
     let place = path.ancestors().find(|place| place.is_dir())?;
     fs4::available_space(place).ok()
 }
 
-/// Refuse an output larger than the free space for an ordinary user in `folder`. Where the system does not report it, writing
-/// will.
+/// Check that `folder` has room for an output, as far as the system reports its free space to ordinary users.
 pub fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), WriteError> {
     match fs4::available_space(folder) {
         Ok(free_bytes) if free_bytes < needed_bytes => Err(WriteError::NoSpace {
@@ -132,7 +131,7 @@ pub fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), W
     }
 }
 
-/// Forces the `file` called `hidden` to disk and renames it to `path`, in the same folder.
+/// Sync `file` and rename it from `hidden` to `path` in the same folder.
 pub(super) fn put_in_place(file: &File, hidden: &Path, path: &Path) -> io::Result<()> {
     file.sync_all()?;
     let _moving = unfinished::commit();

@@ -1,10 +1,9 @@
 //! Claims on the outputs of a run, made before the work. A claim is refused for an input of the run, a file of another program or a file
 //! that another run is writing.
 //!
-//! An output may replace a file that this program wrote ([`super::ours`]) or an empty file. It never replaces an
-//! input of the same run, by whatever name: that is asked of the system, not of the path. Anything else it replaces only if
-//! that is forced. Claims are locks: another process that claims the same is refused until these are dropped, or
-//! their process ends in whatever way.
+//! An output may replace a file written by this program ([`super::ours`]) or an empty file, and any other file if
+//! `forced`. It never replaces an input of the same run; inputs are compared as files, not by path. Claims are locks:
+//! other processes cannot claim the same output until the claims are dropped or the process ends.
 
 use std::fs;
 use std::io;
@@ -21,13 +20,13 @@ use super::stack::is_group;
 pub struct OutputClaims {
     inputs: Vec<PathBuf>,
     forced: bool,
-    /// Of every output its place, and of a folder the names in it.
+    /// Place of each output, and for a folder the names of its files.
     held: Vec<(OutputPlace, Vec<String>)>,
 }
 
 impl OutputClaims {
-    /// Those of a run that reads `inputs`, and the files that descriptions among them name. If `forced`, whatever stands
-    /// in the way may be replaced, but for inputs.
+    /// Create the claims of a run that reads `inputs` and the files named by descriptions among them. `forced`
+    /// permits the outputs to replace any file except an input.
     pub fn new<P: AsRef<Path>>(inputs: &[P], forced: bool) -> Self {
         let mut all: Vec<PathBuf> = Vec::new();
         for path in inputs.iter().map(AsRef::as_ref) {
@@ -36,7 +35,7 @@ impl OutputClaims {
             if path.extension().is_some_and(|end| end == "toml") {
                 all.extend(subaperture_describe::named_files(path));
             }
-            // Of a product.
+            // The folder of an image product.
             if path.is_dir() {
                 all.extend(["image.npy", "image.json"].map(|name| path.join(name)));
             }
@@ -68,8 +67,8 @@ impl OutputClaims {
         self.hold(path, place, Vec::new())
     }
 
-    /// Claims a folder that is written as a whole: a [stack](super::stack) of ours may stand there, or if that is forced anyone's group of
-    /// Zarr, and no input may lie in it. Any other folder is refused, forced or not: all in it would be gone.
+    /// Claim a folder that is written as a whole. It may replace a [stack](super::stack) written by this program, and
+    /// any Zarr group if forced. Any other folder, or a folder that contains an input, is refused.
     ///
     /// # Errors
     /// [`WriteError`].
@@ -89,20 +88,21 @@ impl OutputClaims {
             if !is_zarr {
                 return Err(WriteError::Blocked {
                     path: path.to_owned(),
-                    what: "a folder of that name is in the way",
+                    what: "a folder of that name exists",
                 });
             }
             if !is_ours && !self.forced {
                 return Err(WriteError::NotOurs {
                     path: path.to_owned(),
-                    what: "it is no stack that subap wrote",
+                    what: "it is not a stack written by subap",
                 });
             }
         }
         self.hold(path, place, Vec::new())
     }
 
-    /// Claims files of these names in a folder, which is made with the first of them. Whatever else lies there stays.
+    /// Claim files of these names in a folder, which is created with the first of them. Other files in the folder are
+    /// not affected.
     ///
     /// # Errors
     /// [`WriteError`].
@@ -132,7 +132,7 @@ impl OutputClaims {
             Ok(about) if about.is_dir() => {
                 return Err(WriteError::Blocked {
                     path: called.to_owned(),
-                    what: "a folder of that name is in the way",
+                    what: "a folder of that name exists",
                 });
             }
             Ok(_) if self.forced => return Ok(()),
@@ -186,7 +186,7 @@ impl OutputClaims {
 }
 
 impl Drop for OutputClaims {
-    /// Last first: a folder that was made for a later output may lie in one that was made for an earlier.
+    /// Drop in reverse order: a folder created for a later output may lie within one created for an earlier output.
     fn drop(&mut self) {
         while self.held.pop().is_some() {}
     }

@@ -1,9 +1,10 @@
-//! Frequencies that a file lists one by one, as the straight line that a band is.
+//! Listed frequencies of a file, fitted by a straight line.
 
-/// Bands that start below are taken to be in another unit than hertz.
+/// Lowest plausible start of a band. Lower values are assumed to be in another unit than hertz.
 pub(crate) const MIN_FREQUENCY_HZ: f64 = 1e6;
 
-/// Start and step of the least squares line through equally spaced frequencies, hertz; or what is wrong with them, after their name.
+/// Start and step in hertz of the least-squares line through equally spaced frequencies. An error describes the
+/// fault, for use after a name.
 pub(crate) fn fit_line(hz: &[f64]) -> Result<(f64, f64), String> {
     let mean_index = (hz.len() - 1) as f64 / 2.0;
     let mean_hz = hz.iter().sum::<f64>() / hz.len() as f64;
@@ -17,12 +18,12 @@ pub(crate) fn fit_line(hz: &[f64]) -> Result<(f64, f64), String> {
     let start_hz = mean_hz - mean_index * step_hz;
     if !(step_hz > 0.0 && start_hz > 0.0) {
         return Err(format!(
-            "starts at {start_hz} Hz with a step of {step_hz} Hz; positive, ascending frequencies in hertz are expected"
+            "expected positive, ascending frequencies in hertz, found a start of {start_hz} Hz and a step of {step_hz} Hz"
         ));
     }
     if start_hz < MIN_FREQUENCY_HZ {
         return Err(format!(
-            "starts at {start_hz}; hertz are expected, and no radar's band lies below {MIN_FREQUENCY_HZ} Hz: multiply them if they are in \
+            "expected hertz, at least {MIN_FREQUENCY_HZ}, found a start of {start_hz}: multiply them if they are in \
              GHz or MHz"
         ));
     }
@@ -32,14 +33,14 @@ pub(crate) fn fit_line(hz: &[f64]) -> Result<(f64, f64), String> {
     let most = max_residual_hz(hz.iter().fold(0.0, |a: f64, &b| a.max(b)), step_hz);
     if worst > most {
         return Err(format!(
-            "is not equally spaced: a sample is {worst:.0} Hz off the straight line (at most {most:.0} Hz)"
+            "expected equal spacing within {most:.0} Hz, found a sample {worst:.0} Hz off the straight line"
         ));
     }
     Ok((start_hz, step_hz))
 }
 
-/// Furthest that a recorded frequency may lie from the fitted line: four steps of float32 at the
-/// largest one (4096 Hz at 9.6 GHz), and no more than a quarter of the line's own step.
+/// Maximum deviation of a recorded frequency from the fitted line: four float32 steps at the highest frequency (4096
+/// Hz at 9.6 GHz), and at most a quarter of the line's step.
 fn max_residual_hz(largest_hz: f64, step_hz: f64) -> f64 {
     let largest = largest_hz as f32;
     let float_step_hz = f64::from(largest.next_up()) - f64::from(largest);

@@ -1,10 +1,12 @@
-//! GeoJSON (RFC 7946), of which a picture needs shapes and what is said of them: points, lines and outlines, each with its properties as text.
+//! GeoJSON (RFC 7946) as shapes to draw: points, lines and outlines, each with its properties as text.
 //!
-//! Read are a `FeatureCollection`, a `Feature` or a geometry alone, of any of the seven types; geometries of several parts become a shape each, polygons the outline of
-//! each of their rings. A feature whose geometry is null has no shape. Coordinates are what the file has, in its order: of the standard
-//! longitude and latitude in degrees, then metres above the ellipsoid.
+//! A `FeatureCollection`, a `Feature` or a bare geometry of any of the seven types is read. Geometries of several
+//! parts become one shape per part, polygons the outline of each ring. A feature with null geometry has no shape.
+//! Coordinates are as in the file; the standard specifies longitude and latitude in degrees, then height above the
+//! ellipsoid in metres.
 //!
-//! **Memory** as much as is allowed, and a buffer; of the file [`MAX_BYTES`] are read. **Errors** say at which feature.
+//! **Memory**: at most the limit given, and a buffer. At most [`MAX_BYTES`] of a file are read. **Errors** state the
+//! feature.
 
 use std::path::Path;
 
@@ -14,64 +16,66 @@ use super::ReadError;
 use super::input::open_file;
 use super::json::{self, JsonError, Limits};
 
-/// The longest file that is read.
+/// Maximum file size in bytes.
 pub const MAX_BYTES: u64 = 16 << 20;
 
-/// Farthest that a coordinate may lie from zero.
+/// Maximum magnitude of a coordinate.
 const FARTHEST: f64 = 1e9;
 
-/// Properties of a feature that are kept, and letters of each.
+/// Maximum number of properties per feature, and of characters of each.
 const MAX_PROPERTIES: usize = 24;
 const MAX_LETTERS: usize = 200;
 
-/// How positions hang together.
+/// Connection of the positions of a shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Each by itself.
+    /// Separate points.
     Points,
-    /// From the first to the last.
+    /// Open line from the first position to the last.
     Line,
-    /// And back to the first.
+    /// Closed line.
     Outline,
 }
 
-/// A position: two coordinates, and a third if there is one.
+/// Two coordinates, and the third if present.
 pub type Position = ([f64; 2], Option<f64>);
 
-/// A part of a feature.
+/// Part of a feature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// How positions hang together.
+    /// Connection of the positions.
     pub kind: Kind,
-    /// At least one; two of a line, and of an outline, whose last is not the first again.
+    /// At least one position; two for a line or an outline. The last position of an outline does not repeat the
+    /// first.
     pub positions: Vec<Position>,
 }
 
-/// A thing and what is said of it.
+/// Feature: shapes and properties.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feature {
-    /// Its parts.
+    /// Shapes of the feature.
     pub shapes: Vec<Shape>,
-    /// Names and values of properties that are text, numbers, or true or false, cut to some letters.
+    /// Names and values of the properties that are text, numbers or booleans, truncated.
     pub properties: Vec<(String, String)>,
 }
 
-/// Read a file, holding at most `memory_bytes`.
+/// Read a file with at most `memory_bytes` of memory.
 ///
 /// # Errors
-/// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not GeoJSON or takes more memory.
+/// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not GeoJSON or needs more memory.
 pub fn read(path: &Path, memory_bytes: u64) -> Result<Vec<Feature>, ReadError> {
     let io = ReadError::io(path);
     let file = open_file(path).map_err(&io)?;
     let format = |what| ReadError::malformed(path, what);
-    // Features take a half of what their values do, at the most: a position 32 bytes, doubled while a list grows, for a list of numbers.
+    // Features take at most half of the memory of their values: a position takes 32 bytes, doubled while a list
+    // grows, against a list of numbers.
     let root = json::value(file, limits(memory_bytes / 3 * 2)).map_err(|error| match error {
         JsonError::Io(source) => io(source),
         JsonError::Long { of: "JSON", most } => format(format!(
-            "expected at most {most} bytes of shapes, found more: leave out what is not to be seen"
+            "expected at most {most} bytes of shapes, found more: remove shapes that need not be drawn"
         )),
         JsonError::Memory { .. } => format(format!(
-            "its shapes take more than the {memory_bytes} bytes of memory that they may take: leave out what is not to be seen, or give more \
+            "shapes need more than {memory_bytes} bytes of memory: remove shapes that need not be drawn, or allow more \
              memory"
         )),
         error => format(error.to_string()),
@@ -87,10 +91,10 @@ const fn limits(value_bytes: u64) -> Limits {
     }
 }
 
-/// Reads a text.
+/// Parse GeoJSON text.
 ///
 /// # Errors
-/// What is wrong with it, and at which feature.
+/// Description of the fault, with the feature.
 pub fn parse(bytes: &[u8]) -> Result<Vec<Feature>, String> {
     let root = json::value(bytes, limits(u64::MAX)).map_err(|error| error.to_string())?;
     features(&root)
@@ -101,7 +105,7 @@ fn features(root: &Value) -> Result<Vec<Feature>, String> {
         Some("FeatureCollection") => {
             let all = root["features"]
                 .as_array()
-                .ok_or("its FeatureCollection has no list of features")?;
+                .ok_or("FeatureCollection: expected a list of features")?;
             let each = all.iter().enumerate();
             each.map(|(i, one)| feature(one).map_err(|what| format!("feature {}: {what}", i + 1)))
                 .collect()
@@ -115,13 +119,13 @@ fn features(root: &Value) -> Result<Vec<Feature>, String> {
                 properties: Vec::new(),
             }])
         }
-        None => Err("no GeoJSON: it has no type such as FeatureCollection".to_owned()),
+        None => Err("not GeoJSON: expected a type such as FeatureCollection".to_owned()),
     }
 }
 
 fn feature(value: &Value) -> Result<Feature, String> {
     if value["type"] != "Feature" {
-        return Err("its type is not Feature".to_owned());
+        return Err("expected type Feature".to_owned());
     }
     let mut shapes = Vec::new();
     if !value["geometry"].is_null() {
@@ -144,12 +148,12 @@ fn feature(value: &Value) -> Result<Feature, String> {
     })
 }
 
-/// Adds the parts of a geometry. No deeper than JSON's reader goes, 128 levels.
+/// Add the parts of a geometry. The JSON reader limits the depth to 128 levels.
 fn geometry(value: &Value, shapes: &mut Vec<Shape>) -> Result<(), String> {
     let name = value["type"].as_str().unwrap_or_default();
     if name == "GeometryCollection" {
         let all = value["geometries"].as_array();
-        let all = all.ok_or("its GeometryCollection has no list of geometries")?;
+        let all = all.ok_or("GeometryCollection: expected a list of geometries")?;
         return all.iter().try_for_each(|one| geometry(one, shapes));
     }
     let coordinates = &value["coordinates"];
@@ -179,8 +183,13 @@ fn geometry(value: &Value, shapes: &mut Vec<Shape>) -> Result<(), String> {
                 }
             }
         }
-        "" => return Err("a geometry without a type".to_owned()),
-        other => return Err(format!("'{}' is no geometry", shortened(other))),
+        "" => return Err("geometry: expected a type".to_owned()),
+        other => {
+            return Err(format!(
+                "expected a geometry type, found '{}'",
+                shortened(other)
+            ));
+        }
     }
     Ok(())
 }
@@ -192,7 +201,7 @@ fn shortened(text: &str) -> String {
 fn list(value: &Value) -> Result<&Vec<Value>, String> {
     value
         .as_array()
-        .ok_or_else(|| "its coordinates are no list".to_owned())
+        .ok_or_else(|| "expected coordinates as a list".to_owned())
 }
 
 fn positions(value: &Value) -> Result<Vec<Position>, String> {
@@ -202,7 +211,7 @@ fn positions(value: &Value) -> Result<Vec<Position>, String> {
 fn line(value: &Value) -> Result<Vec<Position>, String> {
     let all = positions(value)?;
     match all.len() {
-        1 => Err("a line of one position".to_owned()),
+        1 => Err("line: expected two or more positions, found one".to_owned()),
         _ => Ok(all),
     }
 }
@@ -213,7 +222,7 @@ fn outline(value: &Value) -> Result<Vec<Position>, String> {
         all.pop();
     }
     match all.len() {
-        1 => Err("an outline of one position".to_owned()),
+        1 => Err("outline: expected two or more positions, found one".to_owned()),
         _ => Ok(all),
     }
 }
@@ -224,7 +233,7 @@ fn position(value: &Value) -> Result<Position, String> {
     let near = |x: &f64| x.abs() <= FARTHEST;
     let (Some(a), Some(b)) = (number(0).filter(near), number(1).filter(near)) else {
         return Err(format!(
-            "a position is not of two numbers between -{FARTHEST:e} and {FARTHEST:e}"
+            "expected positions of two numbers between -{FARTHEST:e} and {FARTHEST:e}"
         ));
     };
     Ok(([a, b], number(2).filter(near)))
@@ -235,7 +244,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_geometry_is_of_points_lines_and_outlines() {
+    fn all_geometry_types_become_points_lines_and_outlines() {
         let text = br#"{"type":"FeatureCollection","features":[
             {"type":"Feature","properties":{"name":"a","level":-3.5,"seen":true,"list":[1],"no":null},"geometry":{"type":"Point","coordinates":[1,2]}},
             {"type":"Feature","properties":null,"geometry":{"type":"MultiPolygon","coordinates":[[[[0,0],[1,0],[1,1],[0,0]],[[2,2],[3,2],[3,3],[2,2]]]]}},
@@ -275,10 +284,10 @@ mod tests {
 
     #[test]
     fn invalid_geojson_names_the_position() {
-        for (text, told) in [
+        for (text, part) in [
             ("", "not JSON"),
-            ("[]", "no GeoJSON"),
-            (r#"{"type":"FeatureCollection"}"#, "no list"),
+            ("[]", "not GeoJSON"),
+            (r#"{"type":"FeatureCollection"}"#, "expected a list"),
             (
                 r#"{"type":"FeatureCollection","features":[{"type":"Feature","geometry":null},{}]}"#,
                 "feature 2",
@@ -287,13 +296,16 @@ mod tests {
             (r#"{"type":"Point","coordinates":[1,1e300]}"#, "two numbers"),
             (
                 r#"{"type":"LineString","coordinates":[[1,2]]}"#,
-                "one position",
+                "found one",
             ),
             (r#"{"type":"Circle","coordinates":[[1,2]]}"#, "'Circle'"),
-            (r#"{"type":"Polygon","coordinates":7}"#, "no list"),
+            (
+                r#"{"type":"Polygon","coordinates":7}"#,
+                "coordinates as a list",
+            ),
         ] {
             let error = parse(text.as_bytes()).unwrap_err();
-            assert!(error.contains(told), "{text}: {error}");
+            assert!(error.contains(part), "{text}: {error}");
         }
     }
 }

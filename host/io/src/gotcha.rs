@@ -1,34 +1,33 @@
-//! The AFRL GOTCHA volumetric data set: MATLAB v5 files, read.
+//! AFRL GOTCHA volumetric data set: MATLAB v5 files.
 //!
 //! A file is one degree of azimuth: a structure `data` with `fp` (frequency x pulse, complex
 //! single, K x N), `freq` (K, hertz), and per pulse the antenna's `x`, `y`, `z` and `r0`, its range
 //! to scene centre (N each, metres). Fields `th`, `phi` and `af` (autofocus) are not used: the first
 //! two follow from the position, and `af` does not sharpen the released images.
 //!
-//! The recording's phase is `-4 pi f (R - r0) / c` (Casteel et al. 2007; confirmed by focusing), so
-//! it is this library's already: transmitter and receiver at (x, y, z), reference at the origin. The
-//! frame is local; the scene's extent is not recorded.
+//! The recorded phase is `-4 pi f (R - r0) / c` (Casteel et al. 2007; confirmed by focusing), which is this library's
+//! convention with transmitter and receiver at (x, y, z) and the reference at the origin. The frame is local; the
+//! scene's extent is not recorded.
 //!
-//! **Reference path.** What the phase is compensated to is the range before it was stored. `r0` is stored as
-//! float32, which near 10 km knows steps of 1 mm, and x, y and z are, in steps of half of one. Their
-//! roundings are of one size, but not of one effect: `R(p) - R(0)` of a rounded position is wrong by the
-//! rounding times the *difference* of two lines of sight, 1 % at 100 m from the centre, and `R(p) - r0` by
-//! all of both, 0.12 rad RMS at 9.6 GHz and new in every pulse. So the reference path is `2 |(x, y, z)|`
-//! where `r0` is that, to the roundings; where it is something else, in any pulse, it is `2 r0` in all.
+//! **Reference path.** The phase was compensated to the range before the range was stored. `r0` is stored as float32,
+//! which has steps of 1 mm near 10 km, and x, y and z have steps of half of that. Their roundings are of similar size
+//! but differ in effect. The error of `R(p) - R(0)` from a rounded position is the rounding times the *difference* of
+//! two lines of sight, 1 % at 100 m from the centre. The error of `R(p) - r0` contains both roundings in full, 0.12
+//! rad RMS at 9.6 GHz, independent from pulse to pulse. The reference path is therefore `2 |(x, y, z)|` if `r0`
+//! equals that within the roundings in every pulse, and otherwise `2 r0` in all pulses.
 //!
-//! `freq` is stored as float32, which near 9.6 GHz knows only multiples of 1024 Hz. Start and step
-//! are therefore those of the straight line fitted by least squares; a sample further from it than
-//! four such multiples, or a quarter of the step, means frequencies that are not equally spaced, and
-//! is an error. So is a band below 1 MHz, which is one in GHz or MHz.
-//! Rounding (296 Hz rms) leaves start and step of K = 424 samples with standard deviations of
-//! 29 Hz and 0.12 Hz: a phase of less than 0.0001 rad over 100 m of path.
+//! `freq` is stored as float32, which represents only multiples of 1024 Hz near 9.6 GHz. Start and step are therefore
+//! those of the straight line fitted by least squares. A deviation from it of more than four such multiples, or a
+//! quarter of the step, is an error (frequencies not equally spaced), and so is a band below 1 MHz (probably in GHz
+//! or MHz). Rounding (296 Hz RMS) leaves standard deviations of 29 Hz and 0.12 Hz for start and step of K = 424
+//! samples: a phase of less than 0.0001 rad over 100 m of path.
 //!
-//! Times are not recorded. [`Pulse::time_s`] is the index of the pulse, as if the PRI were 1 s: good
-//! for order, not for velocity.
+//! Times are not recorded. [`Pulse::time_s`] is the pulse index, as if the PRI were 1 s: valid for the order, not for
+//! velocities.
 //!
-//! Memory: the file, its unpacked data if it is packed, and its samples are held at once.
-//! [`needed_bytes`] tells the need of the released files before anything is read; MATLAB may store
-//! numbers in fewer bytes, so it is checked again when the samples' number is known.
+//! Memory: the file, its unpacked data if it is packed, and its samples at once. [`needed_bytes`] computes the need
+//! for the released files before reading. MATLAB may store numbers in fewer bytes, so the need is checked again once
+//! the number of samples is known.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -47,18 +46,19 @@ use subaperture_model::phase_history::{
     Sweep, check_finite,
 };
 
-/// Bytes that [`read`] holds at its peak for an unpacked file of this size (the released ones are):
-/// the file itself, its samples and geometry.
+/// Peak memory of [`read`] in bytes for an unpacked file of this size (the released files are unpacked): file,
+/// samples and geometry.
 pub fn needed_bytes(file_bytes: u64) -> u64 {
     file_bytes.saturating_mul(2).saturating_add(1 << 20)
 }
 
-/// Reads one file whole, holding at most `memory_bytes`. [`PhaseHistory::inputs`](subaperture_model::phase_history::PhaseHistory::inputs) of the
-/// result gives its CRC-32.
+/// Read a whole file with at most `memory_bytes` of memory.
+/// [`PhaseHistory::inputs`](subaperture_model::phase_history::PhaseHistory::inputs) of the result contains its
+/// CRC-32.
 ///
 /// # Errors
-/// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not such a file, naming the field at fault;
-/// [`ReadError::NotFinite`] for a NaN or infinite sample; [`ReadError::Memory`].
+/// [`ReadError::Malformed`] if it is not a GOTCHA file, naming the field; [`ReadError::NotFinite`] for a NaN or
+/// infinite sample; [`ReadError::Memory`]; [`ReadError::Io`].
 pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<InMemory, ReadError> {
     let path = path.as_ref();
     let io = |source| ReadError::Io {
@@ -104,7 +104,7 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<InMemory, ReadE
         .unwrap_or(path.as_os_str())
         .to_string_lossy()
         .into_owned();
-    // Here and not in `InMemory` alone, which knows no path.
+    // Checked here in addition to `InMemory`, so that the error names the path.
     check_finite(
         &path.display().to_string(),
         0,
@@ -124,7 +124,7 @@ fn malformed(path: &Path, what: &str) -> ReadError {
     }
 }
 
-/// Takes the file's bytes, so that they are gone when the samples are returned.
+/// Takes ownership of the file's bytes, so that they are freed before the samples are returned.
 fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>), MatError> {
     if file.is_empty() {
         return Err(MatError::Malformed("the file is empty".to_owned()));
@@ -135,7 +135,7 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
             some => some.join(", "),
         };
         MatError::Malformed(format!(
-            "not a GOTCHA file: a structure 'data' with fp, freq, x, y, z and r0 is expected; \
+            "not a GOTCHA file: expected a structure 'data' with fp, freq, x, y, z and r0; \
              variables found: {found}"
         ))
     })?;
@@ -147,14 +147,14 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
     let data = Array::parse(&data, "data")?;
     let Content::Structure(fields) = &data.content else {
         return Err(MatError::Malformed(format!(
-            "'data' is {}; a 1 x 1 structure with fp, freq, x, y, z and r0 is expected",
+            "'data': expected a 1 x 1 structure with fp, freq, x, y, z and r0, found {}",
             data.describe()
         )));
     };
     let fields = Fields(fields);
     let (samples, num_samples, num_pulses) = fields.samples(held_bytes, memory_bytes)?;
     let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, "rows")?)
-        .map_err(|what| MatError::Malformed(format!("data.freq {what}")))?;
+        .map_err(|what| MatError::Malformed(format!("data.freq: {what}")))?;
     let per_pulse = |name| fields.values(name, num_pulses, "columns");
     let (x, y, z, r0) = (
         per_pulse("x")?,
@@ -164,7 +164,7 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
     );
     if let Some(n) = r0.iter().position(|&r| r <= 0.0) {
         return Err(MatError::Malformed(format!(
-            "data.r0 of pulse {n} is {}; a range in metres must be positive",
+            "data.r0 of pulse {n}: expected a positive range in metres, found {}",
             r0[n]
         )));
     }
@@ -200,8 +200,8 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
     Ok((collection, samples))
 }
 
-/// Whether `range_m` and the length of `antenna_m` are one number, each rounded when it was stored. Twice the
-/// largest rounding is allowed; of the released files half of that is used.
+/// Whether `range_m` equals the length of `antenna_m` within storage rounding. The tolerance is twice the largest
+/// rounding; the released files use half of that.
 fn is_range_of(range_m: f64, antenna_m: DVec3) -> bool {
     let length_m = antenna_m.length();
     let of_position = antenna_m.abs() / length_m;
@@ -210,7 +210,7 @@ fn is_range_of(range_m: f64, antenna_m: DVec3) -> bool {
     (range_m - length_m).abs() <= 2.0 * allowed_m
 }
 
-/// Half the step of float32 at `value` if float32 knows it, and of float64 if not.
+/// Half the step at `value` of float32 if it represents the value exactly, otherwise of float64.
 fn largest_rounding(value: f64) -> f64 {
     let (value, single) = (value.abs(), value.abs() as f32);
     if f64::from(single) == value {
@@ -220,7 +220,7 @@ fn largest_rounding(value: f64) -> f64 {
     }
 }
 
-/// The fields of `data`.
+/// Fields of `data`.
 struct Fields<'a>(&'a [(String, &'a [u8])]);
 
 impl<'a> Fields<'a> {
@@ -235,8 +235,8 @@ impl<'a> Fields<'a> {
         Array::parse(bytes, &format!("data.{name}"))
     }
 
-    /// `fp`, which in MATLAB's order is pulse-major; samples a pulse; pulses. With `held_bytes` held
-    /// already, they and all vectors must fit `memory_bytes`.
+    /// Samples `fp` (pulse-major in MATLAB's order), number of samples per pulse, number of pulses. `held_bytes`, the
+    /// samples and all vectors must fit `memory_bytes`.
     fn samples(
         &self,
         held_bytes: u64,
@@ -252,17 +252,17 @@ impl<'a> Fields<'a> {
         ) = (array.dimensions.as_slice(), &array.content)
         else {
             return Err(MatError::Malformed(format!(
-                "data.fp is {}; a complex matrix, frequencies x pulses, is expected",
+                "data.fp: expected a complex matrix, frequencies x pulses, found {}",
                 array.describe()
             )));
         };
         if num_pulses == 0 || num_samples < 2 {
             return Err(MatError::Malformed(format!(
-                "data.fp is {num_samples} x {num_pulses}: no image comes of {num_pulses} pulses of \
+                "data.fp is {num_samples} x {num_pulses}: no image can be formed from {num_pulses} pulses of \
                  {num_samples} frequencies (at least 1 of 2)"
             )));
         }
-        // Of each sample, each frequency, and each pulse with its x, y, z and r0.
+        // Per sample, per frequency, and per pulse with its x, y, z and r0.
         let own_bytes = real.len() * size_of::<Complex32>()
             + num_samples * size_of::<f64>()
             + num_pulses * (size_of::<Pulse>() + 4 * size_of::<f64>());
@@ -282,7 +282,7 @@ impl<'a> Fields<'a> {
         Ok((samples, num_samples, num_pulses))
     }
 
-    /// A vector of `count` finite numbers, as a row or a column.
+    /// Vector of `count` finite numbers, as a row or a column.
     fn values(&self, name: &str, count: usize, of_fp: &str) -> Result<Vec<f64>, MatError> {
         let array = self.array(name)?;
         let Content::Numeric {
@@ -291,13 +291,13 @@ impl<'a> Fields<'a> {
         } = array.content
         else {
             return Err(MatError::Malformed(format!(
-                "data.{name} is {}; real numbers are expected",
+                "data.{name}: expected real numbers, found {}",
                 array.describe()
             )));
         };
         if real.len() != count || !array.dimensions.contains(&count) {
             return Err(MatError::Malformed(format!(
-                "data.{name} is {}; data.fp has {count} {of_fp}, so {count} values are expected",
+                "data.{name}: expected {count} values, since data.fp has {count} {of_fp}, found {}",
                 array.describe_shape()
             )));
         }
@@ -305,7 +305,7 @@ impl<'a> Fields<'a> {
         match values.iter().position(|v| !v.is_finite()) {
             None => Ok(values),
             Some(i) => Err(MatError::Malformed(format!(
-                "data.{name}: value {i} is {}; it must be finite",
+                "data.{name}: expected finite values, found {} at index {i}",
                 values[i]
             ))),
         }

@@ -1,4 +1,4 @@
-//! Input files: whether two names are one file, and whether a file was changed while it was read.
+//! Input files: identity of files behind paths, and changes during reading.
 
 use std::fs::{self, File, Metadata};
 use std::io::{self, Read};
@@ -7,10 +7,10 @@ use std::time::SystemTime;
 
 use subaperture_model::phase_history::ReadError;
 
-/// What a MATLAB 5 file begins with.
+/// First bytes of a MATLAB 5 file.
 pub const MATLAB_MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
 
-/// Whether two are the same file, by whatever names. Where the system does not tell, they are taken to be.
+/// Whether two paths have led to the same file. True if the system cannot compare them.
 pub fn same_file(a: &Metadata, b: &Metadata) -> bool {
     #[cfg(unix)]
     {
@@ -24,7 +24,7 @@ pub fn same_file(a: &Metadata, b: &Metadata) -> bool {
     }
 }
 
-/// Whether two paths lead to the same file: by hard links, symbolic links, or in other letters.
+/// Whether two paths lead to the same file through hard links, symbolic links or letter case.
 pub fn same_path(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]
     if let (Ok(a), Ok(b)) = (fs::metadata(a), fs::metadata(b)) {
@@ -36,12 +36,12 @@ pub fn same_path(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Open a file that is read at any place of it: not a folder, pipe, socket or device, which may never end or never begin.
+/// Open a file for reading at any position. Refuses folders, pipes, sockets and devices.
 ///
 /// # Errors
-/// Those of the system; [`io::ErrorKind::InvalidInput`] for what is not a file.
+/// [`io::Error`] of the system; [`io::ErrorKind::InvalidInput`] if it is not a file.
 pub fn open_file(path: &Path) -> io::Result<File> {
-    // Before it is opened: opening a pipe waits for its writer.
+    // Checked before opening, since opening a pipe waits for its writer.
     let about = fs::metadata(path)?;
     if about.is_dir() {
         return Err(io::Error::new(
@@ -58,7 +58,7 @@ pub fn open_file(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// Bytes that are left of a file, and their CRC-32 in hexadecimal.
+/// Remaining length of a file in bytes, and its CRC-32 in hexadecimal.
 pub fn checksum(file: &mut File) -> io::Result<(u64, String)> {
     let (mut crc, mut bytes, mut block) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);
     loop {
@@ -72,7 +72,7 @@ pub fn checksum(file: &mut File) -> io::Result<(u64, String)> {
     }
 }
 
-/// Size and time of last change of an open file.
+/// Size and modification time of an open file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     bytes: u64,
@@ -80,18 +80,18 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// Those of `file` now.
+    /// Current state of `file`.
     pub fn of(file: &File) -> io::Result<Self> {
         let about = file.metadata()?;
         Ok(Self {
             bytes: about.len(),
-            // Not every system keeps it.
+            // Not available on every system.
             modified: about.modified().ok(),
         })
     }
 
-    /// How `file` differs from what it was when this was taken. Another file put in its place by renaming is no
-    /// matter: what is open is read to its end.
+    /// Difference of `file` from the recorded state. A file renamed into its place does not count: the open file is
+    /// still read to its end.
     pub fn difference(&self, file: &File) -> io::Result<Option<String>> {
         let now = Self::of(file)?;
         Ok(match (now == *self, now.bytes == self.bytes) {
@@ -101,7 +101,7 @@ impl Stamp {
         })
     }
 
-    /// Fails if `file`, of which this was taken when it was opened, has been written to since.
+    /// Return an error if `file` has been written to since the state was recorded at opening.
     pub fn check(&self, file: &File, path: &Path) -> Result<(), ReadError> {
         match self.difference(file) {
             Ok(None) => Ok(()),

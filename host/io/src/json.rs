@@ -1,8 +1,9 @@
-//! JSON from files that anybody may have written, read as a stream within bounds of text and memory.
+//! JSON from untrusted files, read as a stream with limits on text and memory.
 //!
-//! A short text can make a large value: an element of `[0,0,0]` is two bytes of text and 32 of memory, an empty object in an array three bytes
-//! and some 700. So [`value`] counts what it makes and ends at a limit; [`typed`] leaves out keys that its type does not name, and the type
-//! bounds the rest. Neither holds the text.
+//! A short text can make a large value: an element of `[0,0,0]` takes two bytes of text and 32 of memory, an empty
+//! object in an array three bytes and some 700. [`value`] therefore counts the memory of what it creates and stops at
+//! a limit. [`typed`] skips keys that its type does not name, and the type limits the rest. Neither keeps the text in
+//! memory.
 //!
 //! **Memory** of [`value`]: at most [`Limits::value_bytes`], and twice [`Limits::string_bytes`] while a string is read.
 
@@ -16,14 +17,14 @@ use serde::de::{
 };
 use serde_json::{Map, Number, Value};
 
-/// Bounds on a text and on what is made of it.
+/// Limits on a JSON text and its value.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Longest text, bytes.
+    /// Maximum text length in bytes.
     pub bytes: u64,
-    /// Longest string or key in it, bytes of text.
+    /// Maximum length of a string or key in bytes of text.
     pub string_bytes: u64,
-    /// Most memory of a value made of it, bytes. A type that is read is bounded by itself.
+    /// Maximum memory of the value in bytes. Unused for typed reads.
     pub value_bytes: u64,
 }
 
@@ -36,12 +37,12 @@ pub enum JsonError {
     Io(io::Error),
     /// The text, or a string in it, is too long.
     #[error(
-        "expected at most {most} bytes of {of}, found more: the file is damaged or of another program"
+        "expected at most {most} bytes of {of}, found more: the file is damaged or written by another program"
     )]
     Long {
         /// Text or string that exceeds the limit.
         of: &'static str,
-        /// Most bytes.
+        /// Maximum number of bytes.
         most: u64,
     },
     /// The value takes too much memory.
@@ -49,10 +50,10 @@ pub enum JsonError {
         "expected JSON that takes at most {most} bytes of memory, found more: the file is damaged, or more memory is needed"
     )]
     Memory {
-        /// Most bytes.
+        /// Maximum number of bytes.
         most: u64,
     },
-    /// It is no JSON, or not of the expected type.
+    /// The text is not JSON, or not of the expected type.
     #[error("not JSON of the expected form: {0}")]
     Syntax(serde_json::Error),
 }
@@ -74,7 +75,7 @@ pub fn value(stream: impl Read, limits: Limits) -> Result<Value, JsonError> {
     })
 }
 
-/// Read a type. Bytes of text and of strings are bounded; the type bounds its memory.
+/// Read a type. Text and strings are limited in length; the type limits its memory.
 ///
 /// # Errors
 /// [`JsonError`].
@@ -93,7 +94,7 @@ fn of_reader(error: serde_json::Error) -> JsonError {
     }
 }
 
-/// What ends a stream that is too long.
+/// Error that ends a stream that is too long.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("more than {most} bytes of {of}")]
 struct TooLong {
@@ -101,12 +102,12 @@ struct TooLong {
     most: u64,
 }
 
-/// A stream of JSON that ends with an error where it, or a string in it, is too long.
+/// JSON stream that ends with an error if it, or a string in it, is too long.
 struct Guarded<R> {
     stream: R,
     limits: Limits,
     bytes: u64,
-    /// Bytes of the string at hand, without its quotes.
+    /// Bytes of the current string, without its quotes. `None` outside strings.
     string: Option<u64>,
     escaped: bool,
 }
@@ -131,7 +132,7 @@ impl<R: Read> Guarded<R> {
             });
         }
         for &byte in bytes {
-            // Bytes of a character that is longer than one are never quotes or backslashes.
+            // Bytes of a multi-byte character are never quotes or backslashes.
             let Some(count) = self.string else {
                 self.string = (byte == b'"').then_some(0);
                 continue;
@@ -158,20 +159,22 @@ impl<R: Read> Read for Guarded<R> {
     }
 }
 
-/// Memory of a list with an element, and of each further one: four places are made first, and a list that grows is twice its elements, copied.
+/// Memory of a list with one element; further elements take less. A list starts with four places, and a growing list
+/// holds twice its elements while it is copied.
 const LIST_BYTES: u64 = 4 * size_of::<Value>() as u64 + ALLOCATION_BYTES;
 const ELEMENT_BYTES: u64 = 3 * size_of::<Value>() as u64;
-/// Memory of a map with an entry, and of each further one: nodes of 11 entries, half of them empty at the least filled.
+/// Memory of a map with one entry; further entries take less. Nodes have 11 entries, of which at least half can be
+/// empty.
 const MAP_BYTES: u64 = 11 * ENTRY_BYTES + 2 * ALLOCATION_BYTES;
 const ENTRY_BYTES: u64 = (size_of::<String>() + size_of::<Value>()) as u64;
-/// What an allocator keeps of each piece.
+/// Overhead of the allocator per allocation.
 const ALLOCATION_BYTES: u64 = 32;
 
-/// Read an object with one long list, passing its elements to `take` one by one. Returns the values of the keys in `kept` and skips all
-/// others. Memory: [`Limits::value_bytes`] for what is kept, and for each element.
+/// Read an object with one long list and pass its elements to `take` one by one. Returns the values of the keys in
+/// `kept` and skips all others. Memory: [`Limits::value_bytes`] for the kept values, and for each element.
 ///
 /// # Errors
-/// [`JsonError`]; a word of `take` on what is wrong with an element.
+/// [`JsonError`], which includes the error of `take` for an element.
 pub fn each_element(
     stream: impl Read,
     limits: Limits,
@@ -262,7 +265,7 @@ impl<'de> Visitor<'de> for Elements<'_, '_> {
     }
 }
 
-/// Makes a value while it counts its memory down; none is left where the limit was met.
+/// Builds a value while it counts down the memory left. `None` once the limit is reached.
 #[derive(Clone, Copy)]
 struct Within<'a>(&'a Cell<Option<u64>>);
 
@@ -356,7 +359,7 @@ mod tests {
     };
 
     #[test]
-    fn values_are_those_of_the_plain_reader() {
+    fn values_equal_those_of_serde_json() {
         for text in [
             "null",
             "[]",
@@ -389,9 +392,9 @@ mod tests {
         assert!(error.to_string().contains("a string"), "{error}");
     }
 
-    /// Each text is a tenth of the limit in bytes, or less.
+    /// The length of each text is at most a tenth of the limit.
     #[test]
-    fn memory_of_small_elements_is_counted() {
+    fn memory_limit_counts_small_elements() {
         for element in ["0,", "{},", "[0],", "{\"\":0},", "[[0],[0]],"] {
             let mut text = "[".to_owned() + &element.repeat((6 << 10) / element.len());
             text.pop();
@@ -409,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn elements_of_a_long_list_are_handed_over_one_by_one() {
+    fn long_list_elements_are_passed_one_by_one() {
         let text = format!(
             r#"{{"a":[1],"all":[{}[3]],"b":{{"c":2}}}}"#,
             "[2],".repeat(5000)

@@ -1,23 +1,24 @@
-//! Files: recordings in, images out. A part of [Subaperture](https://docs.rs/subaperture), whose crate `subaperture`
-//! has it as its module `io`.
+//! File input and output: recordings, images and products. Part of [Subaperture](https://docs.rs/subaperture); the
+//! crate `subaperture` contains it as its module `io`.
 //!
-//! [`open`] opens recordings by what they hold; [`product`] is the folder that an image leaves; [`atomic`], [`together`], [`place`],
-//! [`lock`] and [`claim`] ensure that outputs are complete or absent and replace no file of another program.
+//! [`open`] opens recordings by their content. [`product`] is the output folder of an image. [`atomic`],
+//! [`together`], [`place`], [`lock`] and [`claim`] ensure that outputs are complete or absent and replace no file of
+//! another program.
 //!
 //! # Features
-//! All are on by default.
+//! All are on by default:
 //!
 //! | feature | adds | dependencies |
 //! |---|---|---|
 //! | `container` | XML elements, NITF segments and bounded reads: `container` | `roxmltree` |
 //! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd`; raw echoes to phase history: `receive` (brings `container`) | |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
-//! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]), and phase history of them: `arrays` | `zip`, `flate2` |
-//! | `hdf5` | phase history of arrays in HDF5 too (brings `npz`) | `hdf5-pure`, `flate2` |
-//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `receive`, `recorded_track`, `motive`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-navigation` |
+//! | `npz` | arrays in NumPy archives ([`npy::Array::read`]), and phase history from them: `arrays` | `zip`, `flate2` |
+//! | `hdf5` | phase history from arrays in HDF5 (requires `npz`) | `hdf5-pure`, `flate2` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `receive`, `recorded_track`, `motive`, `track_csv`, `estimated_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-navigation` |
 //!
-//! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
-//! feature's name.
+//! NumPy's `.npy` and images are always available. A file whose feature is off is recognised and refused with the
+//! name of the feature.
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "npz")]
@@ -31,7 +32,7 @@ pub mod cphd;
 #[cfg(feature = "cphd")]
 pub mod crsd;
 #[cfg(feature = "recording")]
-pub mod found_track;
+pub mod estimated_track;
 #[cfg(any(feature = "gotcha", feature = "npz"))]
 mod frequencies;
 pub mod geojson;

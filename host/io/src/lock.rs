@@ -1,12 +1,12 @@
-//! Advisory locks on outputs, so that two runs never write the same output at once.
+//! Advisory locks on outputs, so that two runs never write the same output at the same time.
 //!
-//! A lock is a hidden file beside the output, `.subap-KEY.lock`, with KEY the CRC-32 of the output's name, that the system
-//! keeps locked for as long as the run lives (`flock`). A killed run leaves the file but not the lock: whoever finds
-//! a file that is not locked knows that its run is dead, and removes it with what that run left half-written,
-//! `.subap-KEY-*`. Nothing else is ever removed.
+//! A lock is a hidden file `.subap-KEY.lock` in the output's folder, where KEY is the CRC-32 of the output's name.
+//! The system keeps it locked while the run lives (`flock`). A killed run leaves the file but not the lock. The next
+//! run therefore recognises an unlocked file as that of a dead run, and removes it with the run's partial files,
+//! `.subap-KEY-*`. Nothing else is removed.
 //!
-//! Within one process a lock is shared: what a command holds from its first check on, the writers called by it hold
-//! again. Where a file system has no locks, outputs are written without.
+//! Within one process a lock is shared: a writer can take a lock that its caller holds. On file systems without
+//! locks, outputs are written without.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -17,29 +17,29 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 
-/// What a name of ours begins with.
+/// Prefix of the names of hidden files.
 const PREFIX: &str = ".subap-";
 const LOCK_SUFFIX: &str = ".lock";
 
-/// What ends the name of a file that stays when its writer was killed: it can be read up to where it breaks off.
+/// Suffix of files that remain after their writer was killed, since they can be read up to the end of their content.
 pub const KEPT_SUFFIX: &str = ".maps.part";
 
 /// Number of attempts at a lock that is held briefly, and the pause between them.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// The locks of this process.
+/// Locks of this process.
 static HELD: Mutex<BTreeMap<PathBuf, Weak<Lock>>> = Mutex::new(BTreeMap::new());
 
-/// Numbers hidden files of this process.
+/// Counter for unique names of this process's hidden files.
 static NUMBER: AtomicU64 = AtomicU64::new(0);
 
-/// A lock. Gone when dropped.
+/// Lock on an output, released when dropped.
 #[derive(Debug)]
 pub struct Lock {
-    /// Its file.
+    /// Path of the lock's file.
     path: PathBuf,
     key: String,
     file: Option<File>,
@@ -61,7 +61,7 @@ impl From<io::Error> for LockError {
 }
 
 impl Lock {
-    /// Locks the output `name` in `folder`, which must be canonical, and removes what dead runs left there.
+    /// Lock the output `name` in `folder`, which must be canonical, and remove partial files of dead runs.
     pub fn take(folder: &Path, name: &OsStr) -> Result<Arc<Self>, LockError> {
         let key = format!("{:08x}", crc32fast::hash(name.as_encoded_bytes()));
         let path = folder.join(format!("{PREFIX}{key}{LOCK_SUFFIX}"));
@@ -79,7 +79,7 @@ impl Lock {
                             key,
                             file,
                         });
-                        unfinished::begin(Thing::File(path.clone()));
+                        unfinished::begin(Unfinished::File(path.clone()));
                         held.insert(path, Arc::downgrade(&lock));
                         drop(held);
                         lock.sweep(folder);
@@ -102,10 +102,10 @@ impl Lock {
         format!("{PREFIX}{}-{process}-{number}{suffix}", self.key)
     }
 
-    /// Removes from `folder` what dead runs left of this output.
+    /// Remove partial files of dead runs of this output from `folder`.
     pub fn sweep(&self, folder: &Path) {
         if self.file.is_some() {
-            // This process may write another output of the same name in another folder, not here.
+            // This process may hold a lock on an output of this name in another folder, not in this one.
             remove_leftovers(folder, &self.key);
         }
     }
@@ -113,7 +113,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // While nobody of this process can ask for it.
+        // The table is locked, so that no thread of this process requests the lock meanwhile.
         let mut held = HELD.lock().unwrap_or_else(PoisonError::into_inner);
         held.remove(&self.path);
         let _ = fs::remove_file(&self.path);
@@ -135,7 +135,7 @@ fn acquire(path: &Path) -> io::Result<Attempt> {
     match File::create_new(path) {
         Ok(mut file) => match file.try_lock() {
             Ok(()) if is_at(&file, path) => {
-                // For people, and for who finds it held.
+                // Shown to users, and in the error of a process that cannot take the lock.
                 let _ = writeln!(file, "subap, process {}", std::process::id());
                 Ok(Attempt::Locked(Some(file)))
             }
@@ -164,17 +164,17 @@ fn acquire(path: &Path) -> io::Result<Attempt> {
 enum Found {
     /// The lock was free and is held until dropped.
     Dead(File),
-    /// Who holds it.
+    /// Description of the process that holds the lock.
     Alive(String),
     Gone,
 }
 
-/// Whether the run of a lock's file is dead.
+/// Whether a lock's file belongs to a dead run.
 fn dead(path: &Path) -> io::Result<Found> {
     match fs::symlink_metadata(path) {
         Ok(about) if about.is_file() => {}
         Ok(_) => {
-            let what = format!("{} is in the way: remove it", path.display());
+            let what = format!("{} is not a lock file: remove it", path.display());
             return Err(io::Error::other(what));
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Found::Gone),
@@ -201,7 +201,7 @@ fn dead(path: &Path) -> io::Result<Found> {
     }
 }
 
-/// Whether `file` is still what stands at `path`.
+/// Whether `path` still leads to `file`.
 fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(open), Ok(named)) => super::input::same_file(&open, &named),
@@ -209,7 +209,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Removes locks of dead runs and what they left.
+/// Remove locks and partial files of dead runs.
 fn sweep_dead(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
@@ -220,7 +220,7 @@ fn sweep_dead(folder: &Path) {
             continue;
         };
         let path = entry.path();
-        // Of this process: alive, whatever the system says of a second lock by the same process.
+        // A lock of this process is alive, whatever the system reports for a second lock by the same process.
         let own = HELD.lock().unwrap_or_else(PoisonError::into_inner);
         if own.contains_key(&path) {
             continue;
@@ -232,14 +232,14 @@ fn sweep_dead(folder: &Path) {
     }
 }
 
-/// The key of a lock's name.
+/// Key in the name of a lock file.
 fn key_of_lock(name: &str) -> Option<&str> {
     let key = name.strip_prefix(PREFIX)?.strip_suffix(LOCK_SUFFIX)?;
     let is_hex = key.len() == 8 && key.bytes().all(|b| b.is_ascii_hexdigit());
     is_hex.then_some(key)
 }
 
-/// Removes what begins with a key's prefix, but for what can still be read.
+/// Remove files with the prefix of a key, except those that can still be read.
 fn remove_leftovers(folder: &Path, key: &str) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;

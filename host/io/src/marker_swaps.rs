@@ -1,30 +1,31 @@
-//! Frames of motion capture in which markers were mistaken for one another.
+//! Motion-capture frames with swapped markers.
 //!
-//! A body whose markers are nearly symmetric is sometimes fitted the wrong way round: its attitude turns by more than 90 degrees from one frame to the
-//! next, and back some frames later. No body that carries a radar turns by more than [`MAX_TURN_RAD`] within [`SOON_S`] (900 degrees a second). Such
-//! frames are left out, as those are in which the body was not seen.
+//! A body with nearly symmetric markers is sometimes fitted in the wrong orientation: its attitude turns by more than
+//! 90 degrees from one frame to the next, and back some frames later. No body that carries a radar turns by more than
+//! [`MAX_TURN_RAD`] within [`SOON_S`] (900 degrees per second). Such frames are left out, like frames without the
+//! body.
 //!
-//! Frames between two such turns are a segment. The longest is taken for right; forwards and backwards from there, a segment is right if its attitude is
-//! within 90 degrees of the nearest frame that is.
+//! Frames between two such turns are a segment. The longest segment is assumed correct. Forwards and backwards from
+//! it, a segment is correct if its attitude is within 90 degrees of the nearest correct frame.
 
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use subaperture_model::track::Fix;
 
-/// Greatest turn between frames that follow one another soon, radians.
+/// Maximum rotation between frames less than [`SOON_S`] apart, radians.
 const MAX_TURN_RAD: f64 = FRAC_PI_2;
 
-/// Frames this close in time follow one another soon, seconds.
+/// Maximum time between frames that are compared, seconds.
 pub(crate) const SOON_S: f64 = 0.1;
 
 /// Frames left out.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Swapped {
-    /// How many of how many frames.
+    /// Number of swapped frames, and of all frames.
     pub(crate) frames: usize,
     pub(crate) of: usize,
-    /// Time of the first, seconds.
+    /// Time of the first swapped frame, seconds.
     pub(crate) first_s: f64,
 }
 
@@ -39,7 +40,7 @@ impl std::fmt::Display for Swapped {
     }
 }
 
-/// Leaves swapped frames out of `fixes`, and says how many; an error in words where they are more than half.
+/// Leave swapped frames out of `fixes`. An error if they are more than half.
 pub(crate) fn without(fixes: Vec<Fix>) -> Result<(Vec<Fix>, Option<Swapped>), String> {
     let turned = |a: &Fix, b: &Fix| {
         a.attitude
@@ -101,14 +102,14 @@ pub(crate) fn without(fixes: Vec<Fix>) -> Result<(Vec<Fix>, Option<Swapped>), St
 }
 
 #[cfg(test)]
-// Frames that follow one another are a range of their own.
+// Frames of one segment are contiguous.
 #[allow(clippy::single_range_in_vec_init)]
 mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
 
-    /// 200 frames, 3 ms apart, of a body that turns slowly; those of `swapped` are upside down.
+    /// 200 frames, 3 ms apart, of a slowly rotating body. Frames in `swapped` are upside down.
     fn frames(swapped: &[Range<usize>]) -> Vec<Fix> {
         let frame = |n: usize| {
             let attitude = DQuat::from_rotation_z(0.01 * n as f64);
@@ -149,8 +150,8 @@ mod tests {
     }
 
     #[test]
-    fn attitudes_that_flip_all_the_time_are_refused() {
-        // Three attitudes in turn, each upside down to the next: the longest segment is one frame.
+    fn constantly_flipping_attitudes_are_refused() {
+        // Three attitudes in rotation, each upside down relative to the next: the longest segment is one frame.
         let wild: Vec<Fix> = (0..60)
             .map(|n| Fix {
                 time_s: 0.003 * n as f64,
@@ -163,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_while_the_body_was_not_seen_are_motion() {
+    fn rotation_during_a_gap_counts_as_motion() {
         let mut fixes = frames(&[]);
         for fix in &mut fixes[100..] {
             fix.time_s += 1.0;

@@ -4,12 +4,12 @@
 //! each a tag (type, size) and its bytes, padded to 8. A variable is a `miMATRIX` element, or one
 //! packed by zlib in a `miCOMPRESSED` element; a structure's fields are `miMATRIX` elements in turn.
 //!
-//! Arrays are views of bytes that are there. A packed variable is allocated at the size that it claims,
-//! within the memory allowed and [`MAX_UNPACKING`] times the file. Nested structures are parsed when
-//! asked for, so depth costs no stack. Only little-endian files are read.
+//! Arrays are views of the file's bytes. A packed variable is unpacked into memory of its stated size, at most the
+//! memory allowed and [`MAX_UNPACKING`] times the file size. Nested structures are parsed on demand, so depth takes
+//! no stack. Only little-endian files are read.
 //!
-//! (Why not a crate: `matrw` 0.1.4 asks for 4 GiB, and the process aborts, when one byte of a
-//! structure's header is flipped; `matfile` skips structures without a word; `mat5` refuses them.)
+//! (Other crates: `matrw` 0.1.4 requests 4 GiB and aborts if one byte of a structure's header is flipped; `matfile`
+//! skips structures silently; `mat5` refuses them.)
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -18,8 +18,8 @@ use flate2::read::ZlibDecoder;
 
 use super::input::MATLAB_MAGIC;
 
-/// A packed variable may unpack to this many times the size of its file. Radar samples pack to a
-/// tenth at the very best; zlib itself reaches 1000, which is only of use to a trap.
+/// Maximum ratio of unpacked to packed size. Radar samples compress to a tenth at best; zlib's maximum of 1000 occurs
+/// only in hostile files.
 const MAX_UNPACKING: u64 = 32;
 
 const HEADER_BYTES: usize = 128;
@@ -30,12 +30,12 @@ const MI_MATRIX: u32 = 14;
 const MI_COMPRESSED: u32 = 15;
 const MI_UTF8: u32 = 16;
 
-/// Why a file is not read.
+/// Reason why a file is not read.
 #[derive(Debug, PartialEq)]
 pub(super) enum MatError {
-    /// What is wrong with it, and where.
+    /// Description of the fault and its position.
     Malformed(String),
-    /// It needs more memory than is allowed: this many bytes.
+    /// Memory needed in bytes, more than allowed.
     Memory(u64),
 }
 
@@ -45,18 +45,18 @@ fn fail<T>(what: impl Into<String>) -> Result<T> {
     Err(MatError::Malformed(what.into()))
 }
 
-/// One tagged run of bytes.
+/// Tagged range of bytes.
 #[derive(Clone, Copy)]
 struct Element<'a> {
     kind: u32,
     data: &'a [u8],
 }
 
-/// Walks the elements of `bytes` from `at`.
+/// Iterator over the elements of `bytes` from `at`.
 struct Elements<'a, 'o> {
     bytes: &'a [u8],
     at: usize,
-    /// What the elements belong to, for messages.
+    /// Owner of the elements, for messages.
     owner: &'o str,
 }
 
@@ -70,12 +70,12 @@ impl<'a> Elements<'a, '_> {
             return self.truncated(start, 8, left.len());
         };
         let word = u32_le(tag, 0);
-        // A small element holds up to four bytes within its tag; the size is in the upper half.
+        // A small element stores up to four bytes within its tag, with the size in the upper half.
         let (kind, data, length) = if word >> 16 != 0 {
             let size = (word >> 16) as usize;
             if size > 4 {
                 return fail(format!(
-                    "{}: the small element at byte {start} claims {size} bytes; 4 is the most",
+                    "{}: small element at byte {start}: expected at most 4 bytes, found {size}",
                     self.owner
                 ));
             }
@@ -96,13 +96,13 @@ impl<'a> Elements<'a, '_> {
         Ok(Some(Element { kind, data }))
     }
 
-    /// The next element, which must be there and of one of `kinds`.
+    /// Next element, which must exist and have one of the types `kinds`.
     fn expect(&mut self, kinds: &[u32], what: &str) -> Result<Element<'a>> {
         let at = self.at;
         match self.next()? {
             Some(element) if kinds.contains(&element.kind) => Ok(element),
             Some(element) => fail(format!(
-                "{}: {what} expected at byte {at}, but the element there is of type {}",
+                "{}: expected {what} at byte {at}, found an element of type {}",
                 self.owner, element.kind
             )),
             None => fail(format!("{}: ends before its {what}", self.owner)),
@@ -122,7 +122,7 @@ fn u32_le(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
-/// Numbers as stored: a MATLAB array may be stored in a smaller type than its class.
+/// Numbers as stored. MATLAB may store an array in a smaller type than its class.
 #[derive(Clone, Copy)]
 pub(super) struct Numbers<'a> {
     kind: u32,
@@ -142,7 +142,7 @@ impl<'a> Numbers<'a> {
         let Element { kind, data: bytes } = element;
         if bytes.len() % width != 0 {
             return fail(format!(
-                "{owner}: {} bytes are no whole number of {width}-byte values",
+                "{owner}: expected a multiple of {width} bytes, found {}",
                 bytes.len()
             ));
         }
@@ -153,7 +153,7 @@ impl<'a> Numbers<'a> {
         self.bytes.len() / self.width
     }
 
-    /// The values in MATLAB's order: first index fastest.
+    /// Values in MATLAB's order, first index fastest.
     pub(super) fn iter(self) -> impl Iterator<Item = f64> + 'a {
         self.bytes.chunks_exact(self.width).map(move |b| {
             let four = || [b[0], b[1], b[2], b[3]];
@@ -174,7 +174,7 @@ impl<'a> Numbers<'a> {
     }
 }
 
-/// What an array holds.
+/// Content of an array.
 pub(super) enum Content<'a> {
     /// `rows * columns * ...` values, and as many imaginary parts if complex.
     Numeric {
@@ -183,26 +183,26 @@ pub(super) enum Content<'a> {
         /// Imaginary parts.
         imaginary: Option<Numbers<'a>>,
     },
-    /// A 1 x 1 structure: names and still packed arrays.
+    /// 1 x 1 structure: names and packed arrays.
     Structure(Vec<(String, &'a [u8])>),
-    /// Text, cells, objects, sparse and structure arrays: named only.
+    /// Text, cells, objects, sparse and structure arrays, which are not read.
     Other,
 }
 
-/// One MATLAB array with its header.
+/// MATLAB array with its header.
 pub(super) struct Array<'a> {
-    /// Its name; empty for a structure's fields.
+    /// Name of the array; empty for fields of a structure.
     pub(super) name: String,
-    /// Its dimensions, at least two.
+    /// Dimensions, at least two.
     pub(super) dimensions: Vec<usize>,
     class: u8,
-    /// Its values.
+    /// Content of the array.
     pub(super) content: Content<'a>,
 }
 
 impl<'a> Array<'a> {
-    /// Parses the inside of a `miMATRIX` element; `owner` names it in messages. An empty element is
-    /// an empty numeric array, as MATLAB has it.
+    /// Parse the content of a `miMATRIX` element; `owner` names it in messages. An empty element is an empty numeric
+    /// array, as in MATLAB.
     pub(super) fn parse(bytes: &'a [u8], owner: &str) -> Result<Self> {
         let mut elements = Elements {
             bytes,
@@ -234,7 +234,7 @@ impl<'a> Array<'a> {
         Ok(array)
     }
 
-    /// Flags, dimensions and name; the content is left `Other`. Also whether it is complex.
+    /// Parse flags, dimensions and name. The content remains `Other`. The flag is true for complex arrays.
     fn header(elements: &mut Elements<'a, '_>) -> Result<(Self, bool)> {
         let owner = elements.owner;
         let flags = elements.expect(&[MI_UINT32], "array flags")?;
@@ -266,7 +266,7 @@ impl<'a> Array<'a> {
         Ok((array, complex))
     }
 
-    /// Values in all; `None` if that overflows.
+    /// Number of values. `None` on overflow.
     fn count(&self) -> Option<usize> {
         self.dimensions
             .iter()
@@ -280,7 +280,7 @@ impl<'a> Array<'a> {
             let numbers = Numbers::new(elements.expect(&any, what)?, owner)?;
             if Some(numbers.len()) != self.count() {
                 return fail(format!(
-                    "{owner}: {} needs as many values, but its {what} holds {}",
+                    "{owner}: expected {} values, but its {what} has {}",
                     self.describe_shape(),
                     numbers.len()
                 ));
@@ -318,13 +318,13 @@ impl<'a> Array<'a> {
         Ok(Content::Structure(fields))
     }
 
-    /// For example `424 x 117`.
+    /// Text such as `424 x 117`.
     pub(super) fn describe_shape(&self) -> String {
         let sizes: Vec<String> = self.dimensions.iter().map(usize::to_string).collect();
         sizes.join(" x ")
     }
 
-    /// For example `424 x 117 single`.
+    /// Text such as `424 x 117 single`.
     pub(super) fn describe(&self) -> String {
         let class = match self.class {
             1 => "cell array",
@@ -341,7 +341,7 @@ impl<'a> Array<'a> {
     }
 }
 
-/// Bytes up to the first zero as text, with anything unprintable replaced.
+/// Bytes up to the first zero as text, with unprintable characters replaced.
 fn printable(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end])
@@ -350,9 +350,8 @@ fn printable(bytes: &[u8]) -> String {
         .collect()
 }
 
-/// The bytes of variable `name`, for [`Array::parse`]; or, if there is none, a description of every
-/// variable that the file does hold. The file, a packed variable
-/// and a copy of it may take `memory_bytes` together.
+/// Bytes of the variable `name`, for [`Array::parse`], or a description of every variable of the file if it is
+/// missing. The file, a packed variable and a copy of it may take `memory_bytes` together.
 pub(super) fn find_variable<'a>(
     file: &'a [u8],
     name: &str,
@@ -371,7 +370,7 @@ pub(super) fn find_variable<'a>(
                 "written by a big-endian machine; load it in MATLAB and save it again with -v7",
             );
         }
-        _ => return fail("its header's byte order mark is neither IM nor MI"),
+        _ => return fail("header: expected the byte order mark IM or MI"),
     }
     let mut elements = Elements {
         bytes: file,
@@ -402,14 +401,14 @@ pub(super) fn find_variable<'a>(
         if array.name == name {
             return Ok(Ok(bytes));
         }
-        // A list for a person; a million variables are no help.
+        // Limited for readability.
         if others.len() < 20 {
             others.push(format!("'{}' ({})", array.name, array.describe()));
         }
     }
 }
 
-/// Unpacks a `miCOMPRESSED` element: one `miMATRIX` element, of which the inside is returned.
+/// Unpack a `miCOMPRESSED` element and return the content of its `miMATRIX` element.
 fn unpack(packed: &[u8], file_bytes: usize, memory_bytes: u64, at: usize) -> Result<Vec<u8>> {
     let broken = |what: &str| MatError::Malformed(format!("packed variable at byte {at}: {what}"));
     let mut decoder = ZlibDecoder::new(packed);
@@ -427,12 +426,12 @@ fn unpack(packed: &[u8], file_bytes: usize, memory_bytes: u64, at: usize) -> Res
              refused, so save it again without compression (-v6) if that is right"
         )));
     }
-    // With a copy, for the numbers are taken out of it while it is held.
+    // Includes a copy, since the numbers are converted while it is in memory.
     let needed = file_bytes as u64 + 2 * size;
     if needed > memory_bytes {
         return Err(MatError::Memory(needed));
     }
-    // One byte more than promised, so that the stream's end is reached and its checksum verified.
+    // One byte more than stated, so that the end of the stream is reached and its checksum verified.
     let mut bytes = Vec::new();
     bytes
         .try_reserve_exact(size as usize + 1)
@@ -443,7 +442,7 @@ fn unpack(packed: &[u8], file_bytes: usize, memory_bytes: u64, at: usize) -> Res
         .map_err(|e| broken(&format!("does not unpack ({e}); the file is damaged")))?;
     if bytes.len() as u64 != size {
         return Err(broken(&format!(
-            "does not unpack to the {size} bytes promised; the file is damaged"
+            "does not unpack to the stated {size} bytes; the file is damaged"
         )));
     }
     Ok(bytes)

@@ -1,4 +1,4 @@
-//! Tracks of rigid bodies as OptiTrack's Motive exports them, comma-separated.
+//! Rigid-body tracks exported by OptiTrack Motive as comma-separated values.
 //!
 //! ```text
 //! Format Version,1.23,Take Name,walk,...,Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global
@@ -11,12 +11,12 @@
 //! 0,0.000000,0.1,...
 //! ```
 //!
-//! Times are seconds, positions in the unit that the first line names, rotations quaternions or Euler angles in degrees, as the first line's `Rotation
-//! Type` says: `Quaternion`, or an order such as `XYZ`. Angles are right-handed and each turn is about the body's axis after those before it (intrinsic):
-//! of `XYZ` the rotation is `R_x R_y R_z`. Axes are y up unless the
-//! caller says otherwise. Frames in which the body was not seen have empty cells, and are passed over: who uses the
-//! track looks at the times of its fixes. A body's own axes are those of the capture's space as it was when the body was
-//! defined, turned as the track's.
+//! Times are in seconds, positions in the unit stated by the first line, rotations quaternions or Euler angles in
+//! degrees according to its `Rotation Type`: `Quaternion`, or an order such as `XYZ`. Angles are right-handed, and
+//! each rotation is about the body's axis after the previous ones (intrinsic): `XYZ` means `R_x R_y R_z`. The axes
+//! are y up unless the caller states otherwise. Frames without the body have empty cells and are skipped, so callers
+//! must check the times of the fixes. A body's own axes are those of the capture volume at the time the body was
+//! defined, converted like the track.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -28,19 +28,19 @@ use super::track_axes::TrackAxes;
 use super::track_csv::{TrackCsvError, each_line};
 use subaperture_model::track::Fix;
 
-/// Bytes a line may have: a take of many markers has wide lines.
+/// Maximum line length in bytes; takes of many markers have long lines.
 const LONGEST_LINE: u64 = 1 << 20;
 
-/// Lines before the table, at most.
+/// Maximum number of lines before the table.
 const MAX_HEADERS: usize = 32;
 
-/// Farthest coordinate, metres, and longest time, seconds.
+/// Maximum coordinate in metres and maximum time in seconds.
 const FARTHEST: f64 = 1e9;
 
-/// Reads the fixes of a rigid body, the only one if `body` is `None`.
+/// Read the fixes of a rigid body. `None` selects the only body.
 ///
 /// # Errors
-/// [`TrackCsvError`], with the line.
+/// [`TrackCsvError`] with the line.
 pub fn read(path: &Path, body: Option<&str>, axes: TrackAxes) -> Result<Vec<Fix>, TrackCsvError> {
     let file = File::open(path).map_err(|source| TrackCsvError::Io {
         path: path.to_owned(),
@@ -49,7 +49,7 @@ pub fn read(path: &Path, body: Option<&str>, axes: TrackAxes) -> Result<Vec<Fix>
     read_from(BufReader::new(file), path, body, axes)
 }
 
-/// As [`read`], from a stream; `path` is for errors.
+/// Like [`read`], from a stream; `path` is for errors.
 ///
 /// # Errors
 /// As [`read`].
@@ -75,12 +75,12 @@ pub fn read_from(
             None => {
                 if headers.is_empty() && cells[0] != "Format Version" {
                     return Err(
-                        "a Motive export begins with 'Format Version'; for columns of your own use kind = \"csv\"".to_owned(),
+                        "expected 'Format Version' at the start of a Motive export; for other columns use kind = \"csv\"".to_owned(),
                     );
                 }
                 if headers.len() == MAX_HEADERS {
                     return Err(
-                        "no line begins with 'Frame' so far: not a table of a take".to_owned()
+                        "expected a line that begins with 'Frame' before the table".to_owned()
                     );
                 }
                 headers.push(cells.into_iter().map(str::to_owned).collect());
@@ -95,14 +95,14 @@ pub fn read_from(
     };
     match columns {
         None => Err(whole(
-            "the file ends before a line that begins with 'Frame'",
+            "expected a line that begins with 'Frame', found the end of the file",
         )),
-        Some(_) if fixes.is_empty() => Err(whole("the body is seen in no frame")),
+        Some(_) if fixes.is_empty() => Err(whole("the body is missing in all frames")),
         Some(_) => Ok(fixes),
     }
 }
 
-/// Where the body's values are in a row.
+/// Columns of the body's values.
 struct Columns {
     count: usize,
     position: [usize; 3],
@@ -114,7 +114,7 @@ struct Columns {
 enum Rotation {
     /// x, y, z and w of a quaternion.
     Quaternion([usize; 4]),
-    /// Axes (0 to 2) in the order of the turns, and the column of each angle.
+    /// Axes (0 to 2) in rotation order, and the column of each angle.
     Euler([(usize, usize); 3]),
 }
 
@@ -127,7 +127,7 @@ impl Rotation {
     }
 }
 
-/// The axes of an order of Euler angles, 0 to 2.
+/// Axes of an Euler angle order, 0 to 2.
 fn order(text: &str) -> Option<[usize; 3]> {
     let axes: Vec<usize> = text.chars().filter_map(|c| "XYZ".find(c)).collect();
     let order: [usize; 3] = axes.try_into().ok()?;
@@ -135,7 +135,7 @@ fn order(text: &str) -> Option<[usize; 3]> {
     (all && text.len() == 3).then_some(order)
 }
 
-/// The unit of lengths in metres, and how rotations are written if that is said, by the first header line.
+/// Unit of length in metres, and the rotation type if stated, from the first header line.
 fn conventions(first: &[String]) -> Result<(f64, Option<&str>), String> {
     let said = |what: &str| {
         let at = first.iter().position(|cell| cell == what)?;
@@ -145,18 +145,18 @@ fn conventions(first: &[String]) -> Result<(f64, Option<&str>), String> {
         Some("Meters") => 1.0,
         Some("Centimeters") => 1e-2,
         Some("Millimeters") => 1e-3,
-        Some(other) => return Err(format!("Length Units of the first line are '{other}': export in Meters or Millimeters")),
-        None => return Err("the first line names no Length Units: export with the header, in Meters or Millimeters".to_owned()),
+        Some(other) => return Err(format!("expected Length Units Meters or Millimeters, found '{other}': export again")),
+        None => return Err("the first line states no Length Units: export with the header, in Meters or Millimeters".to_owned()),
     };
     if let Some(other) = said("Coordinate Space").filter(|space| *space != "Global") {
         return Err(format!(
-            "positions are in the space '{other}': export in Global coordinates"
+            "expected the coordinate space Global, found '{other}': export again"
         ));
     }
     Ok((unit_m, said("Rotation Type")))
 }
 
-/// The rigid body that is asked for, or the only one.
+/// Rigid body by its name, or the only one.
 fn chosen(asked: Option<&str>, bodies: &[String]) -> Result<String, String> {
     let list = || {
         bodies
@@ -168,12 +168,12 @@ fn chosen(asked: Option<&str>, bodies: &[String]) -> Result<String, String> {
     match (asked, bodies) {
         (Some(asked), _) if bodies.iter().any(|name| name == asked) => Ok(asked.to_owned()),
         (Some(asked), _) => Err(format!(
-            "there is no rigid body '{asked}': the take has {}",
+            "expected one of the rigid bodies {}, found '{asked}'",
             list()
         )),
         (None, [only]) => Ok(only.clone()),
         (None, _) => Err(format!(
-            "the take has several rigid bodies: name one of {} by 'body'",
+            "the take has several rigid bodies: select one of {} by 'body'",
             list()
         )),
     }
@@ -192,7 +192,7 @@ impl Columns {
         let types = rows
             .iter()
             .position(|row| row.iter().any(|cell| cell == "Rigid Body"));
-        let types = types.ok_or("there is no Rigid Body in the take: define one, and export it")?;
+        let types = types.ok_or("the take has no Rigid Body: define one, and export it")?;
         let (Some(names), Some(kinds)) = (rows.get(types + 1), rows.last()) else {
             return Err("the lines before the table lack names or kinds of its columns".to_owned());
         };
@@ -236,7 +236,7 @@ impl Columns {
                     .map(|(c, _)| c)
                     .collect();
                 return Err(format!(
-                    "the body '{body}' has columns of Rotation {}, and the first line's Rotation Type is {}; read are X, Y, Z and W of \
+                    "the body '{body}' has columns of Rotation {}, and the first line's Rotation Type is {}; supported are X, Y, Z and W of \
                      'Quaternion', and X, Y and Z in degrees of 'XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY' or 'ZYX': export one of them",
                     columns.join(", "),
                     kind.map_or("not given".to_owned(), |(kind, _)| format!("'{kind}'"))
@@ -251,12 +251,12 @@ impl Columns {
         })
     }
 
-    /// The fix of a row; `None` where the body was not seen.
+    /// Fix of a row. `None` if the frame lacks the body.
     fn fix(&self, cells: &[&str], axes: TrackAxes) -> Result<Option<Fix>, String> {
-        // A last empty column has no comma of its own in some exports.
+        // Some exports omit the comma before an empty last column.
         if cells.len() + 1 < self.count {
             return Err(format!(
-                "{} values; the table has {} columns",
+                "expected {1} values as in the header, found {0}",
                 cells.len(),
                 self.count
             ));
@@ -265,7 +265,7 @@ impl Columns {
         let number = |column: usize, what: &str| match cell(column).parse::<f64>() {
             Ok(value) if value.abs() <= FARTHEST => Ok(value),
             _ => Err(format!(
-                "{what} (column {}) is '{}'; a number is expected",
+                "{what} (column {}): expected a number, found '{}'",
                 column + 1,
                 cell(column)
             )),
@@ -298,7 +298,7 @@ impl Columns {
                 );
                 if (q.length() - 1.0).abs() > 1e-2 {
                     return Err(format!(
-                        "the rotation is a quaternion of length {:.4}; 1 is expected",
+                        "rotation: expected a quaternion of length 1, found {:.4}",
                         q.length()
                     ));
                 }
@@ -328,7 +328,7 @@ mod tests {
         1,0.008333,,,,,,,,,\n\
         2,0.016667,0,0.38268343,0,0.92387953,110.0,1500.0,-20.0,0.1,5\n";
 
-    /// The take with Euler angles, degrees, and an order.
+    /// Take with Euler angles in degrees.
     fn euler(order: &str, degrees: [f64; 3]) -> String {
         let [x, y, z] = degrees;
         format!(
@@ -340,8 +340,8 @@ mod tests {
     }
 
     #[test]
-    fn euler_angles_turn_the_body_in_their_order() {
-        // Turns of vectors written out: about x, y and z of the axes that do not move, the last of the order first.
+    fn euler_angles_rotate_in_their_order() {
+        // Rotations of vectors about the fixed axes x, y and z, the last of the order first.
         let about = |axis: usize, degrees: f64, v: [f64; 3]| {
             let (s, c) = degrees.to_radians().sin_cos();
             let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_is_read_in_metres_and_upright() {
+    fn body_is_read_in_metres_with_z_up() {
         for text in [
             TAKE.to_owned(),
             TAKE.replace(",Type,", ",,")
@@ -401,7 +401,7 @@ mod tests {
                 .replace('\n', "\r\n"),
         ] {
             let read = fixes(&text, None).unwrap();
-            // The second frame did not see it.
+            // The second frame lacks the body.
             assert_eq!(read.len(), 2);
             assert!(
                 read[0].position_m.distance(DVec3::new(0.1, 0.02, 1.5)) < 1e-12,
@@ -421,32 +421,48 @@ mod tests {
     #[test]
     fn faults_name_their_line() {
         for (from, to, part) in [
-            ("Format Version", "time_s", "line 1: a Motive export begins"),
+            (
+                "Format Version",
+                "time_s",
+                "line 1: expected 'Format Version'",
+            ),
             (
                 "Millimeters",
                 "Inches",
-                "line 7: Length Units of the first line are 'Inches'",
+                "line 7: expected Length Units Meters or Millimeters, found 'Inches'",
             ),
             (
                 "Global",
                 "Local",
-                "line 7: positions are in the space 'Local'",
+                "line 7: expected the coordinate space Global, found 'Local'",
             ),
-            ("Frame,", "frame,", "the file ends before"),
-            ("Rigid Body,", "Bone,", "line 7: there is no Rigid Body"),
+            ("Frame,", "frame,", "found the end of the file"),
+            ("Rigid Body,", "Bone,", "line 7: the take has no Rigid Body"),
             (
                 "Rotation,Rotation,Rotation,Rotation,Position",
                 "Rotation,Rotation,Rotation,Rotation,Other",
                 "no columns of Position",
             ),
-            ("110.0", "far", "line 10: X (column 7) is 'far'"),
+            (
+                "110.0",
+                "far",
+                "line 10: X (column 7): expected a number, found 'far'",
+            ),
             (
                 "0.92387953",
                 "2",
-                "line 10: the rotation is a quaternion of length 2.0",
+                "line 10: rotation: expected a quaternion of length 1, found 2.0",
             ),
-            ("0.008333,,,,,,,,,", "0.008333,,", "line 9: 4 values"),
-            ("0.016667", "soon", "line 10: Time (column 2) is 'soon'"),
+            (
+                "0.008333,,,,,,,,,",
+                "0.008333,,",
+                "line 9: expected 11 values",
+            ),
+            (
+                "0.016667",
+                "soon",
+                "line 10: Time (column 2): expected a number, found 'soon'",
+            ),
         ] {
             assert!(TAKE.contains(from), "{from}");
             let error = fixes(&TAKE.replace(from, to), None).unwrap_err();
@@ -454,7 +470,7 @@ mod tests {
         }
         let error = fixes(TAKE, Some("walker")).unwrap_err();
         assert!(
-            error.contains("no rigid body 'walker': the take has 'radar'"),
+            error.contains("expected one of the rigid bodies 'radar', found 'walker'"),
             "{error}"
         );
         let two = TAKE
@@ -469,11 +485,14 @@ mod tests {
     }
 
     #[test]
-    fn a_last_value_that_is_missing_is_an_empty_one() {
+    fn missing_last_value_counts_as_empty() {
         let take = "Format Version,1.23,Length Units,Meters\n,Type,Rigid Body,Rigid Body,Rigid Body\n,Name,r,r,r\n\
             ,ID,1,1,1\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n0,0.5,1,2,3\n1,1.0,,\n";
         assert_eq!(fixes(take, None).unwrap().len(), 1);
         let error = fixes(&take.replace("1,1.0,,", "1,1.0,1,2"), None).unwrap_err();
-        assert!(error.contains("line 8: Z (column 5) is '';"), "{error}");
+        assert!(
+            error.contains("line 8: Z (column 5): expected a number, found ''"),
+            "{error}"
+        );
     }
 }

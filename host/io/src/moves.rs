@@ -1,8 +1,8 @@
-//! Renames that all happen or are all undone.
+//! Renames that succeed together or are undone.
 //!
-//! A file that is to be replaced is kept by a second name (a hard link) until all renames are done, so that its name is never without a
-//! file. Where a file system has no hard links, and for folders, it is renamed aside. A process killed, or a power cut,
-//! between two renames leaves some of them done.
+//! A file to be replaced keeps a second name (a hard link) until all renames are done, so that its path always has a
+//! file. Folders, and files on file systems without hard links, are renamed aside. If the process is killed, or power
+//! fails, between two renames, only some of them are done.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -10,34 +10,34 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use super::lock::Lock;
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 use super::write_error::WriteError;
 
-/// Renames that are being made.
+/// Renames in progress.
 #[derive(Debug, Default)]
 pub(super) struct Moves {
     done: Vec<Move>,
-    /// Folders whose names changed since they were last forced to disk.
+    /// Folders with changed names since the last sync.
     changed: BTreeSet<PathBuf>,
 }
 
-/// A change of what stands at `path`.
+/// Change of the content of `path`.
 #[derive(Debug)]
 struct Move {
     path: PathBuf,
-    /// Where the new content came from; `None` if `path` was only cleared.
+    /// Source of the new content. `None` if `path` was only cleared.
     from: Option<PathBuf>,
     old: Old,
 }
 
-/// Where the old content of a path is kept.
+/// Old content of a path.
 #[derive(Clone, Debug)]
 enum Old {
-    /// No file stood there.
+    /// There was no file.
     Absent,
-    /// Under a second name, by a hard link.
+    /// Under a second name (hard link).
     Linked(PathBuf),
-    /// Under another name alone.
+    /// Under another name only.
     Renamed(PathBuf),
 }
 
@@ -50,7 +50,7 @@ impl Old {
     }
 }
 
-/// An output that could not be put back.
+/// Output that could not be restored.
 #[derive(Debug)]
 pub(super) struct NotUndone {
     pub(super) path: PathBuf,
@@ -63,8 +63,8 @@ impl Moves {
     pub(super) fn put(&mut self, from: &Path, path: &Path, lock: &Lock) -> io::Result<()> {
         if path.exists() && path.is_dir() != from.is_dir() {
             return Err(io::Error::other(match from.is_dir() {
-                true => "a file of that name is in the way",
-                false => "a folder of that name is in the way",
+                true => "a file of that name exists",
+                false => "a folder of that name exists",
             }));
         }
         let old = keep(path, &aside(path, lock))?;
@@ -89,7 +89,7 @@ impl Moves {
         }
     }
 
-    /// Clear `path`, if a file is there.
+    /// Clear `path` if it is a file.
     pub(super) fn clear(&mut self, path: &Path, lock: &Lock) -> io::Result<()> {
         let old = aside(path, lock);
         match fs::rename(path, &old) {
@@ -106,7 +106,7 @@ impl Moves {
         Ok(())
     }
 
-    /// Force the names to disk so far.
+    /// Sync the folders of all renames so far.
     pub(super) fn sync(&mut self) -> io::Result<()> {
         for folder in std::mem::take(&mut self.changed) {
             sync_folder(&folder)?;
@@ -114,11 +114,11 @@ impl Moves {
         Ok(())
     }
 
-    /// Remove the replaced files; the renames stay.
+    /// Remove the replaced files and keep the renames.
     pub(super) fn keep_new(self) {
         for old in self.done.into_iter().filter_map(|done| done.old.path()) {
             if old.is_dir() {
-                unfinished::begin(Thing::Folder(old.clone()));
+                unfinished::begin(Unfinished::Folder(old.clone()));
                 let _ = fs::remove_dir_all(&old);
                 unfinished::end(&old);
             } else {
@@ -127,17 +127,17 @@ impl Moves {
         }
     }
 
-    /// Put everything back, last first. Returns the outputs that could not be put back.
+    /// Undo the renames in reverse order. Returns the outputs that could not be restored.
     pub(super) fn undo(self) -> Vec<NotUndone> {
         let mut left = Vec::new();
         for Move { path, from, old } in self.done.into_iter().rev() {
             let back = match (from, &old) {
-                // The rename failed: the second name goes.
+                // The rename failed: remove the second name.
                 (None, Old::Linked(old)) => fs::remove_file(old),
                 (None, Old::Renamed(old)) => fs::rename(old, &path),
                 (None, Old::Absent) => Ok(()),
                 (Some(from), Old::Absent) => fs::rename(&path, from).or_else(|_| remove(&path)),
-                // A folder does not replace one: the new goes first.
+                // A rename cannot replace a folder by a folder, so remove the new one first.
                 (Some(from), Old::Renamed(old)) if old.is_dir() => {
                     fs::rename(&path, from).and_then(|()| fs::rename(old, &path))
                 }
@@ -154,7 +154,7 @@ impl Moves {
     }
 }
 
-/// Make the renames of `put` and force them to disk, or undo them; `failed` is the error of forcing names to disk.
+/// Make the renames of `put` and sync them, or undo them; `failed` converts an error of syncing.
 pub(super) fn all(
     put: impl FnOnce(&mut Moves) -> Result<(), WriteError>,
     failed: impl FnOnce(io::Error) -> WriteError,
@@ -189,12 +189,12 @@ fn after_undo(moves: Moves, error: WriteError) -> WriteError {
     }
 }
 
-/// Name for the old content of `path`, which the next run that writes there removes if this one is killed.
+/// Name for the old content of `path`. If this run is killed, the next run that writes there removes it.
 fn aside(path: &Path, lock: &Lock) -> PathBuf {
     path.with_file_name(lock.hidden_name(".old"))
 }
 
-/// Keep the content of `path` at `old` too, or else there alone.
+/// Keep the content of `path` under the name `old` as well, or only there.
 fn keep(path: &Path, old: &Path) -> io::Result<Old> {
     if fs::hard_link(path, old).is_ok() {
         return Ok(Old::Linked(old.to_owned()));
@@ -213,7 +213,7 @@ fn remove(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Forces a folder's names to disk, where the system can.
+/// Sync a folder, if the system supports it.
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     File::open(folder)?.sync_all()?;

@@ -1,5 +1,5 @@
-//! Recordings opened by what they hold, not by how they are called; only a description of a raw recording, which is
-//! text, is known by its `.toml`.
+//! Opening of recordings, recognised by content. Only descriptions of raw recordings, which are text, are recognised
+//! by their suffix `.toml`.
 
 use std::io::Read;
 use std::path::Path;
@@ -25,24 +25,25 @@ const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0 and GOTCHA (MATLAB 5) files are read
 const ARCHIVE_MAGIC: &[u8] = b"PK\x03\x04";
 const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 
-/// How recordings are opened.
+/// Options for opening recordings.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
-    /// One channel of a recording that has several, by its name or its number from 1. If `None`, the reference channel of
-    /// a CPHD or CRSD, the first of arrays, and of a described recording the pulses of all, in the order of time.
+    /// Channel of a multichannel recording, by its name or its number from 1. `None`: the reference channel of CPHD
+    /// or CRSD, the first channel of arrays, and all pulses of a described recording in order of time.
     pub channel: Option<&'a str>,
-    /// Bytes that all recordings opened together may hold in memory.
+    /// Maximum memory of all recordings opened together, bytes.
     pub memory_bytes: u64,
-    /// Keys of descriptions of raw recordings and the values that override them, such as `radar.pri`; laid over
-    /// every description opened.
+    /// Keys of raw recording descriptions with values that override them, such as `radar.pri`. They apply to every
+    /// description opened.
     pub settings: &'a [(String, String)],
-    /// What decides sign and reference of the phase where a file does not state them, and checks them where it does:
-    /// the crate `subaperture` has one, `convention::INFERENCE`. If `None`, arrays and descriptions have to state them.
+    /// Inference of the phase convention where a file does not state it, and its verification where it does; the
+    /// crate `subaperture` provides `convention::INFERENCE`. If `None`, arrays and descriptions must state the
+    /// convention.
     pub inference: Option<Inference>,
 }
 
 impl Default for Options<'_> {
-    /// No channel asked for, any amount of memory, no settings, no inference.
+    /// No channel, unlimited memory, no settings, no inference.
     fn default() -> Self {
         Self {
             channel: None,
@@ -53,11 +54,11 @@ impl Default for Options<'_> {
     }
 }
 
-/// Opens a recording, without pulses whose positions no vehicle can have had ([`Excluding::misplaced`]).
+/// Open a recording, without pulses at positions that no vehicle can have ([`Excluding::misplaced`]).
 ///
 /// # Errors
-/// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, for one whose format is a feature
-/// that is off, and for a broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
+/// [`ReadError::Malformed`] for a damaged file, an unknown format (with the format it resembles), or a format whose
+/// feature is off; [`ReadError::Mismatch`] for a channel or settings that the format does not support;
 /// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
     Excluding::misplaced(opened(path, options)?)
@@ -67,7 +68,7 @@ fn opened(path: &Path, options: &Options) -> Opened {
     match format(path, options)? {
         Format::Gotcha => match options.channel {
             Some(channel) => Err(ReadError::Mismatch(format!(
-                "{}: a GOTCHA file has no channels; leave out channel '{channel}'",
+                "{}: a GOTCHA file has no channels; remove channel '{channel}'",
                 path.display()
             ))),
             None => open_gotcha(path, options),
@@ -85,17 +86,17 @@ fn opened(path: &Path, options: &Options) -> Opened {
     }
 }
 
-/// One of some channels.
+/// Single channel by its name.
 fn one(channels: Channels<'static>, name: &str) -> Result<Box<dyn PhaseHistory>, ReadError> {
     let mut chosen = channels.select(&[name])?.into_inner();
     Ok(chosen.swap_remove(0).1)
 }
 
-/// Opens channels of a recording side by side, each as for [`Options::channel`], which itself says nothing here; all if
-/// `None`. A GOTCHA file is one channel, `1`.
+/// Open channels of a recording, selected as by [`Options::channel`], which is ignored here; all if `None`. A GOTCHA
+/// file has one channel, `1`.
 ///
 /// # Errors
-/// As [`open`]; [`ReadError::Channels`] if there is no such channel, or they do not share their pulses.
+/// As [`open`]; [`ReadError::Channels`] if a channel is missing, or if the channels do not share their pulses.
 pub fn open_channels<S: AsRef<str>>(
     path: &Path,
     channels: Option<&[S]>,
@@ -114,7 +115,7 @@ pub fn open_channels<S: AsRef<str>>(
     }
 }
 
-/// What a file is.
+/// Format of a file.
 enum Format {
     Gotcha,
     Cphd,
@@ -127,7 +128,7 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
     if path.is_dir() {
         return Err(ReadError::Malformed {
             path: path.to_owned(),
-            what: "a directory, and not a recording: name the files in it".to_owned(),
+            what: "expected a recording, found a directory: name the files in it".to_owned(),
         });
     }
     let start = read_start(path).map_err(|source| ReadError::Io {
@@ -139,7 +140,7 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
         .is_some_and(|extension| extension == "toml");
     if let ([(key, value), ..], false) = (options.settings, described) {
         return Err(ReadError::Mismatch(format!(
-            "{}: {key} = {value} is laid over descriptions of raw recordings (.toml) only: leave out the setting",
+            "{}: setting {key} = {value} applies only to descriptions of raw recordings (.toml): remove it",
             path.display()
         )));
     }
@@ -196,7 +197,7 @@ fn cphd_channels<S: AsRef<str>>(
     )?)
 }
 
-/// Histories of one channel each, side by side.
+/// Combine histories of one channel each.
 #[cfg(feature = "cphd")]
 fn side_by_side<T: PhaseHistory + 'static>(opened: Vec<T>) -> OpenedChannels {
     let described = opened.into_iter().flat_map(|history| {
@@ -290,7 +291,7 @@ fn described_channels(path: &Path, _: &Options) -> OpenedChannels {
     Err(is_off(path, "a described recording", "recording"))
 }
 
-/// Of a format that this program was built without.
+/// Error for a format whose feature is off.
 #[cfg(not(all(
     feature = "cphd",
     feature = "gotcha",
@@ -306,7 +307,8 @@ fn is_off(path: &Path, what: &str, feature: &str) -> ReadError {
     }
 }
 
-/// Metadata of a CPHD file's header and XML, which takes at most `memory_bytes` once parsed; `None` for other files.
+/// Metadata from header and XML of a CPHD file, with XML of at most `memory_bytes` once parsed. `None` for other
+/// files.
 ///
 /// # Errors
 /// As [`cphd::CphdInfo::read_within`].
@@ -322,7 +324,7 @@ pub fn cphd_info(path: &Path, memory_bytes: u64) -> Result<Option<cphd::CphdInfo
     cphd::CphdInfo::read_within(path, memory_bytes).map(Some)
 }
 
-/// Description of a CRSD file in its header and XML; `None` for other files.
+/// Metadata from header and XML of a CRSD file. `None` for other files.
 ///
 /// # Errors
 /// As [`crsd::CrsdInfo::read`].
@@ -338,11 +340,10 @@ pub fn crsd_info(path: &Path) -> Result<Option<crsd::CrsdInfo>, ReadError> {
     crsd::CrsdInfo::read(path).map(Some)
 }
 
-/// Opens recordings and joins them into one aperture, its pulses in the order of [`Joined`] whatever that of
-/// `paths`.
+/// Open recordings and join them into one aperture, with pulses in the order of [`Joined`] for any order of `paths`.
 ///
 /// # Errors
-/// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
+/// As [`open`]; [`ReadError::Mismatch`] if there are no recordings, or if they cannot be joined.
 pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Joined, ReadError> {
     let mut left = *options;
     let mut parts = Vec::with_capacity(paths.len());
@@ -364,8 +365,8 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Joined
     Joined::join(parts)
 }
 
-/// Opens the coherent sum of channels, as for [`open_channels`], of recordings that are joined channel by channel
-/// ([`Channels::join`]); of a single channel that channel.
+/// Open the coherent sum of channels (selected as by [`open_channels`]) of recordings that are joined channel by
+/// channel ([`Channels::join`]). A single channel is returned unchanged.
 ///
 /// # Errors
 /// As [`open_channels`], [`Channels::join`] and [`CoherentSum::new`]; [`ReadError::Mismatch`] if there are no recordings.
@@ -399,24 +400,21 @@ pub fn open_sum<P: AsRef<Path>, S: AsRef<str>>(
     Ok(Joined::alone(Box::new(all.coherent_sum()?)))
 }
 
-/// The first bytes: enough to know every format by.
+/// First bytes of a file, enough to recognise every format.
 fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut start = Vec::new();
     open_file(path)?.take(64).read_to_end(&mut start)?;
     Ok(start)
 }
 
-/// What a file of no supported format looks like, and what to do with it.
+/// Format that an unsupported file resembles, and what to do with it.
 fn describe(start: &[u8]) -> &'static str {
     let known: [(&[u8], &str); 6] = [
         (
             b"MATLAB 7.3 MAT-file",
             "a MATLAB 7.3 (HDF5) file: load it in MATLAB and save it again with -v7",
         ),
-        (
-            b"CPHD/0.",
-            "CPHD of a version before 1: convert it to CPHD 1.1",
-        ),
+        (b"CPHD/0.", "CPHD before version 1: convert it to CPHD 1.1"),
         (b"CPHD", "CPHD of an unknown version"),
         (
             b"NITF",
@@ -424,7 +422,7 @@ fn describe(start: &[u8]) -> &'static str {
         ),
         (
             b"\x93NUMPY",
-            "a NumPy array, without the pulses' geometry: put both into an archive, or describe it in TOML (subap recording says how)",
+            "a NumPy array, without the pulses' geometry: put both into an archive, or describe it in TOML (see subap recording)",
         ),
         (b"\x1f\x8b", "a gzip file: unpack it"),
     ];

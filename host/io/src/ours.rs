@@ -1,17 +1,17 @@
-//! Detection of files that this program wrote, by their contents and never by their names.
+//! Recognition of files written by this program, by content and not by name.
 //!
-//! | kind | how it shows |
+//! | kind | mark |
 //! |---|---|
 //! | CPHD | the XML's `ProductInfo` has a parameter `Program` that is [`PROGRAM`] |
 //! | SICD | the originator in the NITF header is [`NITF_MARK`] |
-//! | maps | the format is this program's own |
+//! | maps | the format is specific to this program |
 //! | STAC item | its `schema` is [`ITEM_SCHEMA`] |
-//! | map (GeoTIFF, KMZ) | it is TIFF or an archive whose first 64 KiB hold `written by subap` |
+//! | map (GeoTIFF, KMZ) | TIFF or archive with `written by subap` in its first 64 KiB |
 //! | picture (PNG) | its text chunk `Software` is [`PROGRAM`] |
-//! | JSON | its `schema` begins with `subaperture-`; if it is cut short, its first key is that |
-//! | text (HTML, Markdown) | its first line holds `written by subap` |
-//! | description (TOML) | so does its first line, with the CRC-32 of all that follows: one that was edited is its editor's |
-//! | array (NumPy) | a record beside it, JSON or TOML of this program, states its size and CRC-32 |
+//! | JSON | its `schema` begins with `subaperture-`; in a truncated file the first key counts |
+//! | text (HTML, Markdown) | the first line contains `written by subap` |
+//! | description (TOML) | the first line contains `written by subap` and the CRC-32 of the rest, so that an edited file belongs to its editor |
+//! | array (NumPy) | a JSON or TOML record of this program in the same folder states its size and CRC-32 |
 //!
 //! An empty file may always be replaced.
 
@@ -26,58 +26,58 @@ use super::input::{checksum, open_file};
 use super::json::{self, Limits};
 use subaperture_model::PROGRAM;
 
-/// What the first line of a text holds.
+/// Mark in the first line of a text.
 pub const TEXT_MARK: &str = "written by subap";
 
-/// Who is named as the originator (`ONAME`) of NITF files.
+/// Originator (`ONAME`) of NITF files.
 pub const NITF_MARK: &str = "Subaperture";
 
-/// What begins the `schema` of JSON.
+/// Prefix of `schema` in JSON.
 const SCHEMA: &str = "subaperture-";
 
-/// The `schema` of STAC items.
+/// Value of `schema` in STAC items.
 pub const ITEM_SCHEMA: &str = "subaperture-stac-item";
 
-/// How far a CPHD is searched for its mark: a header and the longest XML that is read.
+/// Number of bytes of a CPHD file searched for the mark: a header and the longest XML that is read.
 const MAX_HEADER_BYTES: u64 = 9 << 20;
 
-/// Bounds on JSON that is looked into: only a few keys of it are kept.
+/// Limits on JSON that is examined; only a few keys are kept.
 const JSON_LIMITS: Limits = Limits {
     bytes: 256 << 20,
     string_bytes: 4 << 20,
     value_bytes: 0,
 };
 
-/// Longest description that is looked into.
+/// Maximum length of a description that is examined.
 const MAX_DESCRIPTION_BYTES: u64 = 16 << 20;
 
-/// Kinds of files that are written.
+/// Kinds of output files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Phase history as CPHD.
+    /// Phase history, CPHD.
     Collection,
-    /// A complex image as SICD, in NITF.
+    /// Complex image, SICD in NITF.
     Sicd,
-    /// A module's maps.
+    /// Maps of an embedded module.
     Maps,
-    /// A map, GeoTIFF or KMZ.
+    /// Map, GeoTIFF or KMZ.
     Map,
     /// STAC item that describes a map.
     Item,
-    /// A picture, PNG.
+    /// Picture, PNG.
     Picture,
-    /// A record, JSON.
+    /// Record, JSON.
     Record,
     /// HTML or Markdown.
     Text,
-    /// A recording's description, TOML.
+    /// Description of a recording, TOML.
     Description,
-    /// A NumPy array that a record beside it speaks of.
+    /// NumPy array stated by a record in the same folder.
     Array,
 }
 
 impl Kind {
-    /// That of a file in a folder of ours, by its name's ending.
+    /// Kind of a file in an output folder, by the suffix of its name.
     pub fn of_name(name: &str) -> Self {
         match name.rsplit_once('.') {
             Some((_, "png")) => Self::Picture,
@@ -90,7 +90,8 @@ impl Kind {
     }
 }
 
-/// Whether the file at `path` is one of this kind that this program wrote, or empty; if not, what it is.
+/// Reason why the file at `path` may not be replaced as one of this kind. `None` if this program wrote it, or if it
+/// is empty.
 pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static str>> {
     let mut file = open_file(path)?;
     if file.metadata()?.len() == 0 {
@@ -120,16 +121,16 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         Kind::Array => is_recorded(path, file)?,
     };
     Ok((!ours).then_some(match kind {
-        Kind::Collection => "it is no CPHD that subap wrote",
-        Kind::Sicd => "it is no SICD that subap wrote",
-        Kind::Maps => "it is no file of maps",
-        Kind::Map => "it is no map that subap wrote",
-        Kind::Item => "it is no STAC item that subap wrote",
-        Kind::Picture => "it is no picture that subap drew",
-        Kind::Record => "it is no record that subap wrote",
-        Kind::Text => "it is no text that subap wrote",
-        Kind::Description => "it is no description that subap wrote, or it was edited since",
-        Kind::Array => "no record of subap beside it is of this array",
+        Kind::Collection => "it is not a CPHD file written by subap",
+        Kind::Sicd => "it is not a SICD file written by subap",
+        Kind::Maps => "it is not a maps file",
+        Kind::Map => "it is not a map written by subap",
+        Kind::Item => "it is not a STAC item written by subap",
+        Kind::Picture => "it is not a picture written by subap",
+        Kind::Record => "it is not a record written by subap",
+        Kind::Text => "it is not a text written by subap",
+        Kind::Description => "it is not a description written by subap, or was edited afterwards",
+        Kind::Array => "it is not an array stated by a record of subap in the same folder",
     }))
 }
 
@@ -143,7 +144,7 @@ fn contains(bytes: &[u8], part: &[u8]) -> bool {
     bytes.windows(part.len()).any(|window| window == part)
 }
 
-/// The element by which [`super::cphd::write()`] marks a file.
+/// Element that marks the files of [`super::cphd::write()`].
 pub(super) fn cphd_mark() -> String {
     format!("<Parameter name=\"Program\">{PROGRAM}</Parameter>")
 }
@@ -177,7 +178,7 @@ fn is_our_picture(file: &mut File) -> io::Result<bool> {
     Ok(start.starts_with(b"\x89PNG") && contains(&start, chunk.as_bytes()))
 }
 
-/// The schema that JSON states, if it is whole.
+/// Schema of a complete JSON file.
 fn schema(file: &File) -> Option<String> {
     #[derive(Deserialize)]
     struct Record {
@@ -187,14 +188,14 @@ fn schema(file: &File) -> Option<String> {
     Some(record.schema)
 }
 
-/// What a record states of a file; of tiles it states other things.
+/// Size and checksum of a file as stated by its record; records of tiles state other values.
 #[derive(Deserialize)]
 struct About {
     bytes: Option<u64>,
     crc32: Option<String>,
 }
 
-/// What a record of ours states of the file `name`.
+/// Statement of a record of this program about the file `name`.
 fn stated(record: &File, name: &str) -> Option<About> {
     #[derive(Deserialize)]
     struct Record {
@@ -206,7 +207,7 @@ fn stated(record: &File, name: &str) -> Option<About> {
     record.files.remove(name).filter(|_| ours)
 }
 
-/// Whether the first key is a schema of ours: of a record that was cut short.
+/// Whether the first key is a schema of this program, as in a truncated record.
 fn begins_as_record(file: &mut File) -> io::Result<bool> {
     file.rewind()?;
     let mut start = Vec::new();
@@ -215,7 +216,7 @@ fn begins_as_record(file: &mut File) -> io::Result<bool> {
     Ok(start.starts_with(&format!("{{\"schema\":\"{SCHEMA}")))
 }
 
-/// A description with its first line.
+/// Description with its first line added.
 #[cfg(feature = "recording")]
 pub(super) fn marked_description(text: &str) -> String {
     format!("{}\n{text}", description_mark(text.as_bytes()))
@@ -233,12 +234,12 @@ fn is_our_description(whole: &[u8]) -> bool {
     whole[..end] == *description_mark(&whole[end + 1..]).as_bytes()
 }
 
-/// The line of a description that speaks of an array.
+/// Line of a description that states size and CRC-32 of an array.
 pub(super) fn array_line(name: &str, bytes: u64, crc32: &str) -> String {
     format!("# {name}: {bytes} bytes, CRC-32 {crc32}")
 }
 
-/// Whether a record in the same folder states the size and CRC-32 that the array has.
+/// Whether a record in the same folder states the size and CRC-32 of the array.
 fn is_recorded(path: &Path, mut array: File) -> io::Result<bool> {
     let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(|n| n.to_str()))
     else {

@@ -1,7 +1,7 @@
-//! Phase errors, a pulse each, as comma-separated values: what autofocus found, to be taken away when an image is formed.
+//! Phase errors per pulse as comma-separated values: the phase correction estimated by autofocus.
 //!
-//! The first line names the columns, `pulse,phase_rad`; every line after it is a pulse, from 0 on, none left out, and the phase by which
-//! its samples are ahead, radians. Empty lines and lines that begin with `#` are passed over.
+//! The first line names the columns, `pulse,phase_rad`. Every further line is one pulse, from 0 without gaps, with
+//! the phase in radians by which its samples are ahead. Empty lines and lines that begin with `#` are skipped.
 //!
 //! ```text
 //! pulse,phase_rad
@@ -17,18 +17,18 @@ use std::path::Path;
 use super::ours::TEXT_MARK;
 use super::track_csv::{TrackCsvError, each_line};
 
-/// Bytes a line may have.
+/// Maximum line length in bytes.
 const LONGEST_LINE: u64 = 256;
 
-/// Largest phase, radians: beyond, float64 tells less than a thousandth of a turn.
+/// Maximum phase in radians; above it float64 resolves less than a thousandth of a turn.
 const LARGEST_RAD: f64 = 1e12;
 
 const HEADER: &str = "pulse,phase_rad";
 
-/// Reads the phases of all pulses, radians.
+/// Read the phases of all pulses in radians.
 ///
 /// # Errors
-/// [`TrackCsvError`], with the line.
+/// [`TrackCsvError`] with the line.
 pub fn read(path: &Path) -> Result<Vec<f64>, TrackCsvError> {
     let file = File::open(path).map_err(|source| TrackCsvError::Io {
         path: path.to_owned(),
@@ -37,7 +37,7 @@ pub fn read(path: &Path) -> Result<Vec<f64>, TrackCsvError> {
     read_from(BufReader::new(file), path)
 }
 
-/// Reads the phases of all pulses from a stream; `path` is for errors.
+/// Read the phases of all pulses from a stream; `path` is for errors.
 ///
 /// # Errors
 /// As [`read`].
@@ -53,7 +53,7 @@ pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<f64>, TrackCsv
             headed = true;
             return match row.split(',').map(str::trim).eq(HEADER.split(',')) {
                 true => Ok(()),
-                false => Err(format!("the header is '{row}'; begin with {HEADER}")),
+                false => Err(format!("expected the header {HEADER}, found '{row}'")),
             };
         }
         phases.push(phase(row, phases.len())?);
@@ -64,32 +64,32 @@ pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<f64>, TrackCsv
         false => Err(TrackCsvError::Line {
             path: path.to_owned(),
             line: lines.max(1),
-            what: format!("no header; begin with {HEADER}"),
+            what: format!("expected the header {HEADER}, found the end of the file"),
         }),
     }
 }
 
-/// The phase in the row of this pulse.
+/// Phase from the row of this pulse.
 fn phase(row: &str, pulse: usize) -> Result<f64, String> {
     let Some((number, phase)) = row.split_once(',') else {
-        return Err("one value; the header names two columns".to_owned());
+        return Err("expected two values as in the header, found one".to_owned());
     };
     if number.trim().parse() != Ok(pulse) {
         return Err(format!(
-            "pulse is '{}' where {pulse} is expected: every pulse has a line, from 0 on",
+            "pulse: expected {pulse} (one line per pulse, from 0), found '{}'",
             number.trim()
         ));
     }
     match phase.trim().parse::<f64>() {
         Ok(value) if value.abs() <= LARGEST_RAD => Ok(value),
         _ => Err(format!(
-            "phase_rad is '{}'; a number of at most {LARGEST_RAD:e} is expected",
+            "phase_rad: expected a number up to {LARGEST_RAD:e}, found '{}'",
             phase.trim()
         )),
     }
 }
 
-/// The text of phases, radians, that [`read`] takes again to the bit.
+/// Text of phases in radians, which [`read`] restores exactly.
 pub fn text(phases_rad: &[f64]) -> String {
     let mut text = format!("# {TEXT_MARK}\n{HEADER}\n");
     for (pulse, phase) in phases_rad.iter().enumerate() {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn phases_survive_a_round_trip() {
+    fn written_phases_read_back() {
         let some = [0.1, -2.5e-17, 1.0 / 3.0, -1234.5, 1e-300, 5e-324, -1e12];
         assert_eq!(phases(&text(&some)).unwrap(), some);
         assert_eq!(
@@ -119,23 +119,23 @@ mod tests {
     #[test]
     fn faults_name_their_line() {
         for (text, what) in [
-            ("", "line 1: no header"),
-            ("# nothing\n", "line 1: no header"),
+            ("", "line 1: expected the header"),
+            ("# nothing\n", "line 1: expected the header"),
             (
                 "phase_rad,pulse\n",
-                "line 1: the header is 'phase_rad,pulse'",
+                "line 1: expected the header pulse,phase_rad",
+            ),
+            ("pulse,phase_rad\n1,0\n", "line 2: pulse: expected 0"),
+            ("pulse,phase_rad\n0,0\n0,0\n", "line 3: pulse: expected 1"),
+            ("pulse,phase_rad\n0\n", "line 2: expected two values"),
+            (
+                "pulse,phase_rad\n0,NaN\n",
+                "line 2: phase_rad: expected a number up to 1e12, found 'NaN'",
             ),
             (
-                "pulse,phase_rad\n1,0\n",
-                "line 2: pulse is '1' where 0 is expected",
+                "pulse,phase_rad\n0,inf\n",
+                "line 2: phase_rad: expected a number up to 1e12, found 'inf'",
             ),
-            (
-                "pulse,phase_rad\n0,0\n0,0\n",
-                "line 3: pulse is '0' where 1 is expected",
-            ),
-            ("pulse,phase_rad\n0\n", "line 2: one value"),
-            ("pulse,phase_rad\n0,NaN\n", "line 2: phase_rad is 'NaN'"),
-            ("pulse,phase_rad\n0,inf\n", "line 2: phase_rad is 'inf'"),
         ] {
             let error = phases(text).unwrap_err();
             assert!(error.contains(what), "{error}");

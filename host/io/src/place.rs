@@ -1,4 +1,4 @@
-//! Place of an output: symbolic links followed, the folder above it made, locked against other runs.
+//! Place of an output: symbolic links followed, parent folder created, locked against other runs.
 
 use std::fs;
 use std::io;
@@ -6,34 +6,40 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::lock::{Lock, LockError};
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 use super::write_error::WriteError;
 
-/// Links that are followed, one after the other.
+/// Maximum number of symbolic links followed.
 const MAX_LINKS: usize = 40;
 
-/// The place of an output. When dropped, the lock goes, and folders above that were made for it, if they are empty.
+/// Place of an output. Dropping it releases the lock and removes the parent folders created for it, if they are
+/// empty.
 #[derive(Debug)]
 pub(super) struct OutputPlace {
-    /// Absolute; no symbolic link itself.
+    /// Absolute path that is not a symbolic link.
     pub(super) path: PathBuf,
     pub(super) lock: Arc<Lock>,
     _made: Made,
 }
 
 impl OutputPlace {
-    /// The place of a file.
+    /// Place of a file.
     pub(super) fn of_file(path: &Path) -> Result<Self, WriteError> {
         if path.as_os_str().as_encoded_bytes().ends_with(b"/") {
             return Err(blocked(
                 path,
-                "it names a folder, and a file is to be written",
+                "expected the path of a file, found that of a folder",
             ));
         }
         let (target, linked) = followed(path).map_err(|source| failed(path, source))?;
         match fs::metadata(&target) {
             Ok(about) if about.is_file() => {}
-            Ok(_) => return Err(blocked(path, "it exists and is not a file")),
+            Ok(_) => {
+                return Err(blocked(
+                    path,
+                    "expected a file or a new path, found something else",
+                ));
+            }
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
             Err(error) if error.kind() == io::ErrorKind::NotADirectory => {}
             Err(source) => return Err(failed(path, source)),
@@ -41,13 +47,13 @@ impl OutputPlace {
         Self::within(path, &target, linked)
     }
 
-    /// The place of a folder, which may be there already.
+    /// Place of a folder, which may exist.
     pub(super) fn of_folder(path: &Path) -> Result<Self, WriteError> {
         let (target, linked) = followed(path).map_err(|source| failed(path, source))?;
         match fs::metadata(&target) {
             Ok(about) if about.is_dir() => {
                 let real = fs::canonicalize(&target).map_err(|source| failed(path, source))?;
-                // A folder that is mounted here may lie in one where nothing can be made.
+                // A mounted folder may lie in a folder that is not writable.
                 Self::within(path, &real, true).or_else(|error| match error {
                     WriteError::Io { .. } => Ok(Self {
                         lock: locked(path, &real, std::ffi::OsStr::new("."))?,
@@ -62,13 +68,13 @@ impl OutputPlace {
         }
     }
 
-    /// The place of `target`, which the user calls `path`, in its folder. The folder is made, unless a link
-    /// leads there: what it leads to may be a disk that is not mounted.
+    /// Place of `target`, for which the user gave `path`, in its folder. The folder is created unless a link leads
+    /// there, since the link may lead to a disk that is not mounted.
     fn within(path: &Path, target: &Path, linked: bool) -> Result<Self, WriteError> {
         let target = std::path::absolute(target).map_err(|source| failed(path, source))?;
         let (Some(folder), Some(name)) = (target.parent(), target.file_name()) else {
             return match fs::metadata(&target) {
-                // The root of all.
+                // Root folder.
                 Ok(about) if about.is_dir() => Ok(Self {
                     lock: locked(path, &target, std::ffi::OsStr::new("."))?,
                     path: target,
@@ -92,13 +98,13 @@ impl OutputPlace {
         })
     }
 
-    /// The folder that holds it.
+    /// Folder that contains the output.
     pub(super) fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(&self.path)
     }
 }
 
-const NO_FOLDER: &str = "it, or a part of its path, is a file and not a folder";
+const NO_FOLDER: &str = "expected a folder, but it or a part of its path is a file";
 
 fn failed(path: &Path, source: io::Error) -> WriteError {
     WriteError::Io {
@@ -125,7 +131,7 @@ fn locked(path: &Path, folder: &Path, name: &std::ffi::OsStr) -> Result<Arc<Lock
     })
 }
 
-/// Where `path` leads if it is a symbolic link, also if nothing is there; and whether it is one.
+/// Target of `path`, which need not exist, and whether `path` is a symbolic link.
 fn followed(path: &Path) -> io::Result<(PathBuf, bool)> {
     let mut target = path.to_owned();
     for count in 0..MAX_LINKS {
@@ -141,16 +147,16 @@ fn followed(path: &Path) -> io::Result<(PathBuf, bool)> {
         }
     }
     Err(io::Error::other(format!(
-        "more than {MAX_LINKS} symbolic links one after the other"
+        "more than {MAX_LINKS} symbolic links in a chain"
     )))
 }
 
-/// Folders made for an output, innermost first. Those that are empty go when dropped.
+/// Folders created for an output, innermost first. Empty ones are removed when dropped.
 #[derive(Debug, Default)]
 struct Made(Vec<PathBuf>);
 
 impl Made {
-    /// Makes `folder` with its parents for the output that the user calls `path`.
+    /// Create `folder` and its parents for the output for which the user gave `path`.
     fn make(path: &Path, folder: &Path) -> Result<Self, WriteError> {
         let mut missing = Vec::new();
         for above in folder.ancestors() {
@@ -168,12 +174,12 @@ impl Made {
                 Err(source) => return Err(failed(path, source)),
             }
         }
-        // The outermost first, for they are removed in the other order.
+        // Outermost first, so that they are removed in reverse order.
         for folder in missing.iter().rev() {
-            unfinished::begin(Thing::EmptyFolder(folder.clone()));
+            unfinished::begin(Unfinished::EmptyFolder(folder.clone()));
         }
         let made = Self(missing);
-        // Dropped on failure, with what was made until then.
+        // On failure this is dropped, which removes the folders created so far.
         fs::create_dir_all(folder).map_err(|source| failed(path, source))?;
         Ok(made)
     }
@@ -182,7 +188,7 @@ impl Made {
 impl Drop for Made {
     fn drop(&mut self) {
         for folder in &self.0 {
-            // One that holds something, ours or another's, stays.
+            // Fails for a folder that is not empty, as intended.
             let _ = fs::remove_dir(folder);
             unfinished::end(folder);
         }

@@ -1,24 +1,23 @@
 //! Output folder of `subap focus` with image, metadata and quicklook, written atomically.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
 //! | `image.npy` | complex64, rows (y ascending) x columns (x ascending) |
-//! | `image.zarr` | in its place, an image that was formed in tiles ([`tiles`]) |
-//! | `image.json` | axes, frame, settings; under `files` the size and CRC-32 of the other two |
-//! | `image.png` | the quicklook, if there is one |
+//! | `image.zarr` | replaces `image.npy` for an image formed in tiles ([`tiles`]) |
+//! | `image.json` | axes, frame, settings; under `files` the size and CRC-32 of the other two files |
+//! | `image.png` | quicklook, optional |
 //!
-//! How it is complete or absent. All three are written, and forced to disk side by side, in a hidden staging folder
-//! on the same file system. Then
-//! - if the folder does not exist, the staging folder is renamed to it: one step;
-//! - if it exists, whatever else lies in it stays, and `image.json` is the mark of a whole product:
-//!   an old one is removed first, image and quicklook are renamed into place, and the new
-//!   `image.json` last. Whoever finds it finds the other two, and by `files` can tell that they are
-//!   the same product's even if they were replaced while being read. A failed rename undoes the earlier ones.
+//! **Atomic output.** All files are written and synced in a hidden staging folder on the same file system. Then
+//! - if the folder does not exist, the staging folder is renamed to it in one step;
+//! - if it exists, its other files remain, and `image.json` marks a complete product: the old one is removed first,
+//!   image and quicklook are renamed into place, and the new `image.json` last. A reader that sees `image.json` also
+//!   sees the other two, and can verify by `files` that they belong to it even if they are replaced while being read.
+//!   A failed rename undoes the earlier ones.
 //!
-//! An error on the way removes the staging folder; only a killed process or a power cut leaves one
-//! (`.subap-*`), never a product in part, and the next run that writes there removes it.
+//! An error removes the staging folder. Only a killed process or a power cut leaves one (`.subap-*`), never a partial
+//! product; the next run that writes there removes it.
 //!
-//! [`read`] reads one back.
+//! [`read`] reads a product.
 
 mod antennas;
 mod frame;
@@ -58,25 +57,25 @@ pub const NAMES: [&str; 3] = [IMAGE, METADATA, QUICKLOOK];
 /// Names of the files of a product in tiles, in addition to [`tiles::NAME`].
 pub const TILED_NAMES: [&str; 2] = [METADATA, QUICKLOOK];
 
-/// What a folder is to hold beside an image in tiles, all of which are there.
+/// Content of an output folder with an image in tiles, all complete.
 #[derive(Clone, Copy, Debug)]
 pub struct TiledProduct<'a> {
-    /// The image.
+    /// Image.
     pub store: &'a TileStore,
-    /// As [`Product::metadata`].
+    /// See [`Product::metadata`].
     pub metadata: &'a Value,
-    /// As [`Product::quicklook`].
+    /// See [`Product::quicklook`].
     pub quicklook: &'a [u8],
 }
 
 impl TiledProduct<'_> {
-    /// Writes record and picture into `folder`, in which the store lies.
+    /// Write record and picture into `folder`, which contains the store.
     ///
     /// # Errors
     /// [`WriteError`], as [`Product::write`].
     ///
     /// # Panics
-    /// If `metadata` is not an object.
+    /// Panics if `metadata` is not an object.
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
         let tiling = self.store.tiling();
         let image = json!({ "tiles": tiling.count(), "bytes": tiles::disk_bytes(&tiling) });
@@ -85,7 +84,7 @@ impl TiledProduct<'_> {
     }
 }
 
-/// Writes record and picture; `files` are what else the record is of.
+/// Write record and picture; `files` describes the other files of the product.
 fn write_beside(
     folder: &Path,
     metadata: &Value,
@@ -111,21 +110,21 @@ fn write_metadata(staged: &Staged, metadata: &Value, files: Value) -> Result<(),
     Ok(())
 }
 
-/// What a folder is to hold.
+/// Content of an output folder.
 #[derive(Clone, Copy, Debug)]
 pub struct Product<'a> {
-    /// The image.
+    /// Image.
     pub image: &'a Image,
-    /// Everything that should be known of it: a JSON object, to which `files` is added.
+    /// Metadata of the image: a JSON object, to which `files` is added.
     pub metadata: &'a Value,
-    /// The picture, as the bytes of a PNG file; empty if there is none.
+    /// Picture as the bytes of a PNG file; empty for none.
     pub quicklook: &'a [u8],
 }
 
 impl Product<'_> {
-    /// Checks, before the work, that a product of this many pixels can go into `folder`: that it or
-    /// its nearest existing parent can be written to, that nothing is in the way, and that the disk
-    /// has room for the image (as an ordinary user sees it). Leaves nothing behind.
+    /// Check before the work that a product of this many pixels can be written to `folder`: the folder or its nearest
+    /// existing parent is writable, its names are free, and the disk has room for the image (for an ordinary user).
+    /// Writes nothing.
     ///
     /// # Errors
     /// [`WriteError`].
@@ -134,27 +133,27 @@ impl Product<'_> {
         staged.check([IMAGE, METADATA, QUICKLOOK])
     }
 
-    /// Writes the files into `folder`, which is made if need be, with its parents. A picture of an older product goes if
-    /// there is no new one.
+    /// Write the files into `folder`, which is created with its parents if missing. Without a new picture, the
+    /// picture of an older product is removed.
     ///
     /// # Errors
-    /// [`WriteError`]; then the folder is as it was.
+    /// [`WriteError`]; the folder is then unchanged.
     ///
     /// # Panics
-    /// If `metadata` is not an object.
+    /// Panics if `metadata` is not an object.
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
         let mut alone = FileSet::new();
         self.add_to(&mut alone, folder)?;
         alone.commit()
     }
 
-    /// As [`Self::write`], put in place with the other files of a set.
+    /// Like [`Self::write`], renamed together with the other files of a set.
     ///
     /// # Errors
     /// [`WriteError`].
     ///
     /// # Panics
-    /// If `metadata` is not an object.
+    /// Panics if `metadata` is not an object.
     pub fn add_to(&self, files: &mut FileSet, folder: &Path) -> Result<(), WriteError> {
         let needed_bytes =
             npy::file_bytes(self.image.pixels.len() as u64) + self.quicklook.len() as u64;
@@ -165,14 +164,14 @@ impl Product<'_> {
     }
 }
 
-/// Writes an image in memory, the record that `describe` makes and the picture that `draw` makes into `folder`, as [`Product::write`]
-/// does; gives the record back. The image is written, and forced to the disk, and described while the picture is drawn.
+/// Write an image from memory, the record made by `describe` and the picture made by `draw` into `folder` like
+/// [`Product::write`]. Returns the record. The image is written, synced and described while the picture is drawn.
 ///
 /// # Errors
-/// As [`Product::write`]; that of `draw`, with nothing left behind.
+/// As [`Product::write`]; the error of `draw`. Nothing is then written.
 ///
 /// # Panics
-/// If what `describe` makes is not an object.
+/// Panics if `describe` does not return an object.
 pub fn write_drawing<E: From<WriteError>>(
     folder: &Path,
     image: &Image,
@@ -189,7 +188,7 @@ pub fn write_drawing<E: From<WriteError>>(
         let drawn = draw();
         let written = match writing {
             Ok(writing) => writing.join().unwrap_or_else(|panic| resume_unwind(panic)),
-            // One after the other, where there is no other thread.
+            // Sequentially if no thread can be started.
             Err(_) => write(),
         };
         (written, drawn)
@@ -198,8 +197,8 @@ pub fn write_drawing<E: From<WriteError>>(
     Ok(metadata)
 }
 
-/// Writes record and picture of a staged image, whose file `image` describes. A picture of an older product goes if there is no
-/// new one.
+/// Write record and picture of a staged image, whose file `image` describes. Without a new picture, the picture of an
+/// older product is removed.
 fn finish(
     staged: Staged,
     image: Value,
@@ -226,7 +225,7 @@ fn names(files: &[&str], gone: &[&str]) -> Names {
     }
 }
 
-/// The set alone, moved into place.
+/// Rename a single set into place.
 fn commit(set: StagedSet) -> Result<(), WriteError> {
     let mut alone = FileSet::new();
     alone.add_folder(set);

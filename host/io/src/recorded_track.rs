@@ -1,4 +1,4 @@
-//! A platform's recorded track from a file.
+//! Recorded track of a platform from a file.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,10 +11,11 @@ use subaperture_navigation::{Kind, Log, Options, Place};
 use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 
-/// Farthest that a log's track may be from the scene's origin, metres: beyond, one of the two is a slip.
+/// Maximum distance of a log's track from the scene origin in metres. A larger distance means that one of them is
+/// wrong.
 const FARTHEST_FROM_ORIGIN_M: f64 = 1e6;
 
-/// The track in the platform's `file`. `frame` is where the text puts the scene; `None` if it does not say.
+/// Read the track from the platform's `file`. `frame` is the stated scene frame; `None` if it is not stated.
 pub fn build(
     values: &Values,
     frame: Option<&SceneFrame>,
@@ -30,7 +31,7 @@ pub fn build(
     Ok(Arc::new(SampledTrack::new(&fixes).map_err(named)?))
 }
 
-/// The records of a NovAtel log, times from its first on.
+/// Records of a NovAtel log, with times relative to the first.
 fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<Fix>, String> {
     let kind = match values.text("record") {
         "inspvax" => Kind::Inspvax,
@@ -41,12 +42,12 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
     if let (Some(fault), false) = (log.account.faults.first(), values.flag("skip_damaged")) {
         return Err(match log.account.damaged() {
             0 => format!(
-                "{}: {} records have times that do not ascend, the first {fault}; read it without them ('skip_damaged')",
+                "{}: {} records have times that do not ascend, the first {fault}; skip them with 'skip_damaged'",
                 path.display(),
                 log.account.disordered()
             ),
             _ => format!(
-                "{}, {fault}; read it with damaged lines skipped ('skip_damaged'), or transfer the log again",
+                "{}, {fault}; skip damaged lines with 'skip_damaged', or transfer the log again",
                 path.display()
             ),
         });
@@ -67,7 +68,7 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
     );
     let Some(frame) = frame else {
         return Err(format!(
-            "{}: the log has places on the Earth, and the text does not say where the scene is: add [scene.origin], \
+            "{}: the log has positions on the Earth, but the scene's origin is not stated: add [scene.origin], \
              near the track, which begins at {place}",
             path.display()
         ));
@@ -81,7 +82,7 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
     {
         None => Ok(fixes),
         Some(away_m) => Err(format!(
-            "{}: the track is {:.0} km from [scene.origin]: it begins at {place}",
+            "{}: the track, which begins at {place}, is {:.0} km from [scene.origin]",
             path.display(),
             away_m / 1e3
         )),

@@ -1,16 +1,16 @@
-//! Several images of one grid as one Zarr group of the third version (zarr-specs.readthedocs.io), as xarray and GDAL read it.
+//! Stack of images on one grid as a Zarr v3 group (zarr-specs.readthedocs.io), readable by xarray and GDAL.
 //!
-//! | array | shape | holds |
+//! | array | shape | content |
 //! |---|---|---|
-//! | `image` | stack, y, x | `complex64`, chunks of one image's tile each |
-//! | `y`, `x` | y; x | float64: the grid's rows and columns, metres in its plane (of a polar grid range, and angle in radians) |
-//! | `stack` | stack | int64: the images' numbers, from 0 |
-//! | `time` | stack | int64: when each recording began, nanoseconds since 1970; left out unless all tell |
+//! | `image` | stack, y, x | `complex64`, one chunk per tile of an image |
+//! | `y`, `x` | y; x | float64: rows and columns of the grid, metres in its plane (for a polar grid range in metres and angle in radians) |
+//! | `stack` | stack | int64: image numbers from 0 |
+//! | `time` | stack | int64: start of each recording, nanoseconds since 1970; omitted unless known for all |
 //!
-//! Names, units and attributes follow the CF conventions as far as these go. All metadata are in the group's `zarr.json` too
-//! (consolidated), so that one read opens it. Nothing is compressed.
+//! Names, units and attributes follow the CF conventions where these apply. All metadata are also in the group's
+//! `zarr.json` (consolidated), so that one read opens it. Nothing is compressed.
 //!
-//! **Complete or absent.** The folder is made beside its place and renamed. Memory: a tile.
+//! **Atomic output.** The folder is written under a hidden name and renamed. Memory: one tile.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -24,51 +24,51 @@ use super::input::open_file;
 use super::json::{self, Limits};
 use super::moves;
 use super::place::OutputPlace;
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{ImageSource, ImageSourceError, Tiling};
 use subaperture_model::monitor::Monitor;
 
-/// The `schema` among a group's attributes.
+/// Value of `schema` in the group's attributes.
 pub const SCHEMA: &str = "subaperture-stack";
 
-/// What describes a group or array.
+/// Name of the metadata file of a group or array.
 const DESCRIPTION: &str = "zarr.json";
 
-/// Rows and columns of a tile.
+/// Number of rows and columns of a tile.
 const TILE: usize = 512;
 
-/// Bounds on a description that is read.
+/// Limits on the metadata file.
 const LIMITS: Limits = Limits {
     bytes: 16 << 20,
     string_bytes: 1 << 20,
     value_bytes: 0,
 };
 
-/// Images of one grid.
+/// Images on one grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Stack<'a> {
-    /// The images, all of the grid's size.
+    /// Images, all of the grid's size.
     pub images: &'a [&'a dyn ImageSource],
-    /// Where their pixels are.
+    /// Pixel grid.
     pub grid: &'a ImageGrid,
-    /// When the recording of each began, nanoseconds since 1970; empty if not all tell.
+    /// Start of each recording in nanoseconds since 1970; empty unless known for all.
     pub start_ns: &'a [i64],
-    /// What else is known of them: an object, for the group's attributes.
+    /// Further attributes of the group, a JSON object.
     pub attributes: &'a Value,
 }
 
-/// Why a stack was not written.
+/// Reason why a stack was not written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StackError {
     /// An image cannot be read.
     #[error(transparent)]
     Read(#[from] ImageSourceError),
-    /// It cannot be written.
+    /// The stack cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// The monitor asked for the end.
+    /// The monitor asked to stop.
     #[error("interrupted")]
     Cancelled,
 }
@@ -82,20 +82,20 @@ impl Stack<'_> {
         }
     }
 
-    /// Bytes on disk, but for descriptions.
+    /// Size on disk in bytes, without metadata.
     pub fn bytes(&self) -> u64 {
         let tiling = self.tiling();
         let tile = 8 * tiling.tile[0] as u64 * tiling.tile[1] as u64;
         tile * tiling.count() as u64 * self.images.len() as u64
     }
 
-    /// Writes the group as the folder `path`; one of this program that stands there is replaced.
+    /// Write the group as the folder `path`. An existing stack of this program is replaced.
     ///
     /// # Errors
-    /// [`StackError`]; then `path` is as it was.
+    /// [`StackError`]; `path` is then unchanged.
     ///
     /// # Panics
-    /// If an image is not of the grid's size, or there are times and not one of each image.
+    /// Panics if an image does not have the grid's size, or the number of times is not zero or that of the images.
     pub fn write(&self, path: &Path, monitor: &dyn Monitor) -> Result<(), StackError> {
         let size = (self.grid.rows.count, self.grid.columns.count);
         assert!(self.images.iter().all(|image| image.size() == size));
@@ -134,7 +134,7 @@ impl Stack<'_> {
                     let values = part.pixels.chunks_exact(part.columns).nth(row);
                     let values = values.into_iter().flatten();
                     bytes.extend(values.flat_map(|z| [z.re, z.im]).flat_map(f32::to_le_bytes));
-                    // Tiles at the ends are filled up.
+                    // Tiles at the edges are padded with zeros.
                     bytes.resize(8 * tiling.tile[1] * (row + 1), 0);
                 }
                 let [row, column] = tiling.at(index);
@@ -147,7 +147,7 @@ impl Stack<'_> {
         Ok(())
     }
 
-    /// Writes coordinates and descriptions.
+    /// Write coordinates and metadata.
     fn describe(&self, folder: &Path) -> io::Result<()> {
         let Self { images, grid, .. } = self;
         let tiling = self.tiling();
@@ -205,7 +205,7 @@ impl Stack<'_> {
     }
 }
 
-/// Whether a folder is a group of Zarr, and one that [`Stack::write`] wrote.
+/// Whether a folder is a Zarr group, and whether [`Stack::write`] wrote it.
 pub(super) fn is_group(folder: &Path) -> [bool; 2] {
     #[derive(Deserialize, Default)]
     struct About {
@@ -227,17 +227,17 @@ pub(super) fn is_group(folder: &Path) -> [bool; 2] {
     ]
 }
 
-/// A folder on its way into place, removed when dropped, if it is still there.
+/// Hidden folder, removed when dropped unless it was renamed.
 struct StagedFolder(PathBuf);
 
 impl StagedFolder {
     fn create(path: PathBuf) -> io::Result<Self> {
         fs::create_dir(&path)?;
-        unfinished::begin(Thing::Folder(path.clone()));
+        unfinished::begin(Unfinished::Folder(path.clone()));
         Ok(Self(path))
     }
 
-    /// Renames it to its place; an older folder is moved aside first, and removed.
+    /// Rename the folder to its place. An older folder is renamed aside first, and then removed.
     fn put_in_place(
         self,
         place: &OutputPlace,
@@ -260,7 +260,7 @@ impl Drop for StagedFolder {
     }
 }
 
-/// What is said of an array.
+/// Metadata of an array.
 struct Array<'a> {
     kind: &'a str,
     shape: &'a [usize],
@@ -271,7 +271,7 @@ struct Array<'a> {
 }
 
 impl Array<'_> {
-    /// Describes the array `name` of a group, there and among `all`.
+    /// Write the metadata of the array `name` to its folder, and add them to `all`.
     fn write(&self, folder: &Path, name: &str, all: &mut Map<String, Value>) -> io::Result<()> {
         let array = json!({
             "zarr_format": 3,
@@ -291,10 +291,10 @@ impl Array<'_> {
     }
 }
 
-/// Most values of a coordinate's chunk.
+/// Maximum number of values in a chunk of a coordinate.
 const COORDINATES: usize = 1 << 16;
 
-/// An array of one dimension, of `count` values of eight bytes.
+/// Write a one-dimensional array of `count` values of eight bytes.
 fn write_line(
     folder: &Path,
     name: &str,
@@ -350,7 +350,7 @@ fn write_integers(
     write_line(folder, name, "int64", values.len(), value, attributes, all)
 }
 
-/// Writes the chunk of these numbers of an array.
+/// Write the chunk with these indices of an array.
 fn chunk(array: &Path, numbers: &[usize], bytes: &[u8]) -> io::Result<()> {
     let mut path = array.join("c");
     path.extend(numbers.iter().map(usize::to_string));
@@ -363,7 +363,7 @@ fn write_json(path: &Path, value: &Value) -> io::Result<()> {
     write_file(path, &text)
 }
 
-/// Writes a file in a folder that is made if need be, forced to the disk.
+/// Write and sync a file in a folder that is created if missing.
 fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     fs::create_dir_all(folder)?;

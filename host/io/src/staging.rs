@@ -1,14 +1,14 @@
-//! Staging folder for a set of files that appears complete or not at all.
+//! Staging folder for a set of files that is complete or absent.
 //!
-//! All files are written, and forced to disk, in a hidden staging folder on the same file system: each by a thread of its own as
-//! soon as it is whole, so that the disk is waited for once and not for each. Then
-//! - if the folder does not exist, the staging folder is renamed to it: one step;
-//! - if it exists, whatever else lies in it stays. Some of the files are marks of a whole set: old ones are removed
-//!   first, the others are renamed into place, and the new marks last. Whoever finds a mark finds the others. A failed rename
-//!   undoes the earlier ones.
+//! All files are written and synced in a hidden staging folder on the same file system. Each is synced by a thread of
+//! its own as soon as it is complete, so that the disk is waited for only once. Then
+//! - if the folder does not exist, the staging folder is renamed to it in one step;
+//! - if it exists, its other files remain. Some files are marks of a complete set: old marks are removed first, the
+//!   other files are renamed into place, and the new marks last. A reader that sees a mark also sees the other files.
+//!   A failed rename undoes the earlier ones.
 //!
-//! An error on the way removes the staging folder; only a killed process or a power cut leaves one (`.subap-*`),
-//! never a set in part, and the next run that writes there removes it. Meanwhile the folder is locked.
+//! An error removes the staging folder. Only a killed process or a power cut leaves one (`.subap-*`), never a partial
+//! set; the next run that writes there removes it. The folder is locked meanwhile.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
@@ -23,28 +23,28 @@ use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::checksum;
 use super::moves::Moves;
 use super::place::OutputPlace;
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 
-/// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
+/// Bytes written at a time: small enough to stay in the cache for the CRC-32 and the copy.
 const AT_ONCE_BYTES: usize = 1 << 16;
 
-/// Files that are forced to the disk at a time, at most.
+/// Maximum number of files synced at the same time.
 const MAX_FORCED: usize = 8;
 
-/// Files on their way into a folder. Gone when dropped, unless committed.
+/// Files to be moved into a folder. Removed when dropped without commit.
 #[derive(Debug)]
 pub(super) struct Staged {
-    // Before the place: when dropped, it goes before the lock and the folders above.
+    // Declared before the place, so that it is dropped before the lock and the parent folders.
     staging: Staging,
     place: OutputPlace,
-    /// As the user calls it.
+    /// Path as given by the user.
     folder: PathBuf,
     needed_bytes: u64,
-    /// What is being forced to the disk.
+    /// Files being synced.
     forced: Mutex<Vec<Forced>>,
 }
 
-/// A file that is being forced to the disk.
+/// File being synced by a thread.
 #[derive(Debug)]
 struct Forced {
     name: String,
@@ -52,15 +52,15 @@ struct Forced {
 }
 
 impl Staged {
-    /// Begins files that are to lie in `folder`, which is made if need be, with its parents. `needed_bytes` is
-    /// the size of them all.
+    /// Begin a set of files for `folder`, which is created with its parents if missing. `needed_bytes` is the size of
+    /// all files.
     ///
     /// # Errors
-    /// [`WriteError`] if `folder`, or its nearest existing parent, cannot be written to, or another process is
-    /// writing it.
+    /// [`WriteError`] if `folder`, or its nearest existing parent, is not writable, or if another process is writing
+    /// it.
     pub(super) fn begin(folder: &Path, needed_bytes: u64) -> Result<Self, WriteError> {
         let place = OutputPlace::of_folder(folder)?;
-        // In the folder itself, which may be another disk than its parent.
+        // Within the folder if it exists, since it can be on another disk than its parent.
         let base = match place.path.is_dir() {
             true => &place.path,
             false => place.folder(),
@@ -72,7 +72,7 @@ impl Staged {
             needed_bytes,
             source,
         })?;
-        unfinished::begin(Thing::Folder(staging.clone()));
+        unfinished::begin(Unfinished::Folder(staging.clone()));
         Ok(Self {
             staging: Staging(staging),
             place,
@@ -82,15 +82,14 @@ impl Staged {
         })
     }
 
-    /// Check that no folder occupies one of these names, and that the disk has room for them (as an
-    /// ordinary user sees it).
+    /// Check that no folder has one of these names, and that the disk has room for the files (for an ordinary user).
     pub(super) fn check<'a>(
         &self,
         names: impl IntoIterator<Item = &'a str>,
     ) -> Result<(), WriteError> {
         for name in names {
             if self.place.path.join(name).is_dir() {
-                let what = "a folder of that name is in the way";
+                let what = "a folder of that name exists";
                 let path = self.folder.join(name);
                 return Err(WriteError::Blocked { path, what });
             }
@@ -98,7 +97,7 @@ impl Staged {
         check_room(&self.folder, &self.staging.0, self.needed_bytes)
     }
 
-    /// A file to be filled.
+    /// Create a file of the set.
     pub(super) fn create(&self, name: &str) -> Result<StagedFile, WriteError> {
         let file = File::create_new(self.staging.0.join(name));
         Ok(StagedFile {
@@ -113,7 +112,7 @@ impl Staged {
         })
     }
 
-    /// A file to be filled in any order, to be read meanwhile too; it is forced to the disk by [`Self::seal`].
+    /// Create a file that can be written in any order and read back; [`Self::seal`] syncs it.
     pub(super) fn create_open(&self, name: &str) -> Result<File, WriteError> {
         let mut how = File::options();
         how.read(true).write(true).create_new(true);
@@ -121,7 +120,7 @@ impl Staged {
         file.map_err(|source| self.failed(name, source))
     }
 
-    /// Forces such a file to the disk; its size and CRC-32. Leaves it at its start.
+    /// Sync such a file and return its size and CRC-32. Leaves it at its start.
     pub(super) fn seal(&self, name: &str, file: &mut File) -> Result<Value, WriteError> {
         let sealed = (|| {
             file.sync_all()?;
@@ -133,14 +132,14 @@ impl Staged {
         sealed.map_err(|source| self.failed(name, source))
     }
 
-    /// Has a file forced to the disk, not only to the system's memory, for which [`Self::commit`] waits; its size and CRC-32.
+    /// Start to sync a file, for which [`Self::commit`] waits. Returns its size and CRC-32.
     pub(super) fn finish(&self, name: &str, file: StagedFile) -> Result<Value, WriteError> {
         let (file, about) = file.end().map_err(|source| self.failed(name, source))?;
         self.force(name, file)?;
         Ok(about)
     }
 
-    /// Begins to force a file to the disk.
+    /// Start to sync a file.
     fn force(&self, name: &str, file: File) -> Result<(), WriteError> {
         let mut forced = self.forced.lock().unwrap_or_else(PoisonError::into_inner);
         if forced.len() >= MAX_FORCED {
@@ -153,7 +152,7 @@ impl Staged {
                 name: name.to_owned(),
                 done,
             }),
-            // At once, where there is no other thread.
+            // Immediately if no thread can be started.
             Err(_) => file
                 .sync_all()
                 .map_err(|source| self.failed(name, source))?,
@@ -166,7 +165,7 @@ impl Staged {
         forced.map_err(|source| self.failed(&name, source))
     }
 
-    /// Writes a whole file; its size and CRC-32.
+    /// Write a whole file. Returns its size and CRC-32.
     pub(super) fn write(
         &self,
         name: &str,
@@ -177,7 +176,7 @@ impl Staged {
         self.finish(name, file)
     }
 
-    /// The error of writing a file of this name.
+    /// Convert an error of writing a file of this name.
     pub(super) fn failed(&self, name: &str, source: io::Error) -> WriteError {
         WriteError::Io {
             path: match name {
@@ -189,7 +188,7 @@ impl Staged {
         }
     }
 
-    /// The files, all of which are written.
+    /// Complete the set once all files are written.
     pub(super) fn complete(self, names: Names) -> StagedSet {
         StagedSet {
             staged: self,
@@ -203,23 +202,23 @@ impl Staged {
 pub(super) struct Names {
     /// Files that are replaced one by one.
     pub(super) files: Vec<String>,
-    /// Marks of a whole set.
+    /// Marks of a complete set.
     pub(super) marks: Vec<String>,
-    /// Files of an older set that the new one does not have.
+    /// Files of an older set that the new one lacks.
     pub(super) gone: Vec<String>,
 }
 
-/// A staging folder with all its files.
+/// Staging folder with all its files.
 #[derive(Debug)]
 pub(super) struct StagedSet {
     staged: Staged,
     names: Names,
 }
 
-/// Wait until all files of a set are forced to disk.
+/// Wait until all files of a set are synced.
 pub(super) fn settled(set: &StagedSet) -> Result<(), WriteError> {
     let staged = &set.staged;
-    // The names, while the files are forced to disk.
+    // Sync the folder while the files are being synced.
     let named = sync_folder(&staged.staging.0);
     let forced = std::mem::take(&mut *staged.forced.lock().unwrap_or_else(PoisonError::into_inner));
     for file in forced {
@@ -229,12 +228,13 @@ pub(super) fn settled(set: &StagedSet) -> Result<(), WriteError> {
 }
 
 impl StagedSet {
-    /// The error of moving it.
+    /// Convert an error of moving the set.
     pub(super) fn failed(&self, source: io::Error) -> WriteError {
         self.staged.failed("", source)
     }
 
-    /// Renames the whole folder where it is new, else the files over those of the folder: marks first off and last on.
+    /// Rename the whole folder if it is new, otherwise its files: old marks are removed first and new ones renamed
+    /// last.
     pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
         self.put_all(moves).map_err(|source| self.failed(source))
     }
@@ -264,7 +264,7 @@ impl StagedSet {
     }
 }
 
-/// A staging folder, removed when dropped, if it is still there.
+/// Staging folder, removed when dropped unless it was renamed.
 #[derive(Debug)]
 struct Staging(PathBuf);
 
@@ -275,13 +275,13 @@ impl Drop for Staging {
     }
 }
 
-/// A file in a staging folder.
+/// File in a staging folder.
 pub(super) struct StagedFile {
     out: BufWriter<Checked>,
 }
 
 impl StagedFile {
-    /// The file with all that was written, and its size and CRC-32.
+    /// Flush the file. Returns it with its size and CRC-32.
     fn end(self) -> io::Result<(File, Value)> {
         let checked = self.out.into_inner();
         let checked = checked.map_err(io::IntoInnerError::into_error)?;
@@ -301,7 +301,7 @@ impl Write for StagedFile {
     }
 }
 
-/// A file and the CRC-32 of what went into it.
+/// File with the CRC-32 of the bytes written.
 struct Checked {
     file: File,
     bytes: u64,

@@ -1,18 +1,20 @@
-//! Tiled image in a folder that several processes may fill: a Zarr array of the third version
-//! (zarr-specs.readthedocs.io), without compression, so that any reader of Zarr opens it.
+//! Tiled image in a folder that several processes may fill: an uncompressed Zarr v3 array
+//! (zarr-specs.readthedocs.io), readable by any Zarr reader.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `zarr.json` | the array's shape, `complex64`, chunks of one tile each |
-//! | `c/R/C` | tile of row `R` and column `C` of tiles: little-endian, row-major; tiles at the ends are filled up with zeros |
-//! | `plan.json` | by what plan tiles are formed: text that the maker of the store gave |
-//! | `done/R.C.json` | that a tile is whole: its CRC-32, and what its maker noted of it |
+//! | `zarr.json` | shape of the array, `complex64`, one chunk per tile |
+//! | `c/R/C` | tile of row `R` and column `C` of tiles: little-endian, row-major; tiles at the edges are padded with zeros |
+//! | `plan.json` | plan by which tiles are formed, a text of the store's creator |
+//! | `done/R.C.json` | mark of a complete tile: its CRC-32, and notes of its creator |
 //!
-//! **Atomic writes.** A tile, and then its mark, is written to a hidden file, forced to disk and renamed: a tile with a mark
-//! is complete even if a process was killed. The folder itself is made beside and renamed, so that a store that is there has a
-//! plan. Two processes that write the same tile leave either's; by one plan both are the same to the bit.
+//! **Atomic writes.** A tile, then its mark, is written to a hidden file, synced and renamed: a tile with a mark is
+//! complete even if a process was killed. The store's folder is also created under a hidden name and renamed, so that
+//! every store has a plan. If two processes write the same tile, either one remains; tiles by the same plan are
+//! bit-identical.
 //!
-//! **Bounds**: nothing is sized by what the description claims. Tiles are counted by their marks, and memory follows the part that is read.
+//! **Limits**: no memory is sized by the array's metadata. Tiles are counted by their marks, and memory depends on
+//! the part that is read.
 
 mod array;
 mod read;
@@ -35,10 +37,10 @@ use super::input::{Stamp, open_file};
 use super::json::{self, JsonError, Limits};
 use super::lock::Lock;
 use super::place::OutputPlace;
-use super::unfinished::{self, Thing};
+use super::unfinished::{self, Unfinished};
 use subaperture_model::image::Tiling;
 
-/// The folder's name in that of a product.
+/// Name of the store's folder in a product.
 pub const NAME: &str = "image.zarr";
 
 const ARRAY: &str = "zarr.json";
@@ -46,14 +48,14 @@ const PLAN: &str = "plan.json";
 const CHUNKS: &str = "c";
 const MARKS: &str = "done";
 
-/// Bounds on a plan: a surface is a string of up to 3.5 MB.
+/// Limits on a plan; a surface is a string of up to 3.5 MB.
 pub const PLAN_LIMITS: Limits = Limits {
     bytes: 6 << 20,
     string_bytes: 4 << 20,
     value_bytes: 5 << 20,
 };
 
-/// Bounds on a mark: what is noted of a tile takes some kilobytes.
+/// Limits on a mark; the notes on a tile take some kilobytes.
 const MARK_LIMITS: Limits = Limits {
     bytes: 1 << 20,
     string_bytes: 1 << 12,
@@ -69,38 +71,39 @@ pub fn disk_bytes(tiling: &Tiling) -> u64 {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// A file cannot be read, or is not part of a store.
+    /// A file cannot be read, or does not belong to a store.
     #[error(transparent)]
     File(#[from] ReadError),
-    /// A tile is not what its mark says.
+    /// A tile differs from its mark.
     #[error("{}: {what}", path.display())]
     Damaged {
-        /// The tile.
+        /// Path of the tile.
         path: PathBuf,
-        /// Its mark: without that it is formed again.
+        /// Path of the mark. Without it the tile is formed again.
         mark: PathBuf,
-        /// How that shows.
+        /// Difference found.
         what: String,
     },
 }
 
-/// A store.
+/// Store of tiles in a folder.
 #[derive(Debug)]
 pub struct TileStore {
     folder: PathBuf,
     tiling: Tiling,
     plan: String,
-    /// Tiles that were held against their CRC-32, as their files were then.
+    /// Tiles whose CRC-32 was verified, with the state of their files at that time.
     verified: Mutex<HashMap<usize, Stamp>>,
-    /// What keeps the hidden files of this process apart from those of killed ones; made with the first tile that is put.
+    /// Lock that distinguishes the hidden files of this process from those of killed ones. Created with the first
+    /// tile.
     writer: Mutex<Option<OutputPlace>>,
 }
 
 impl TileStore {
-    /// Makes an empty store in the folder `product`, which is made if need be.
+    /// Create an empty store in the folder `product`, which is created if missing.
     ///
     /// # Errors
-    /// [`WriteError`], also if there is one already or the disk has no room for all tiles.
+    /// [`WriteError`], also if a store exists or the disk has no room for all tiles.
     pub fn create(product: &Path, tiling: Tiling, plan: &str) -> Result<Self, WriteError> {
         let folder = product.join(NAME);
         let failed = |source: io::Error| WriteError::Io {
@@ -113,7 +116,7 @@ impl TileStore {
         let place = OutputPlace::of_folder(&folder)?;
         let beside = product.join(place.lock.hidden_name(".zarr"));
         fs::create_dir(&beside).map_err(failed)?;
-        unfinished::begin(Thing::Folder(beside.clone()));
+        unfinished::begin(Unfinished::Folder(beside.clone()));
         let made = Self::fill(&beside, tiling, plan).and_then(|()| {
             let _moving = unfinished::commit();
             fs::rename(&beside, &folder)?;
@@ -135,7 +138,7 @@ impl TileStore {
         }
     }
 
-    /// Removes the store in the folder `product`, whole or not, if there is one: at once, whenever the process is ended.
+    /// Remove the store in the folder `product`, complete or not, if any. Atomic even if the process is killed.
     ///
     /// # Errors
     /// [`WriteError`].
@@ -147,7 +150,7 @@ impl TileStore {
         let place = OutputPlace::of_folder(&folder)?;
         let old = product.join(place.lock.hidden_name(".old"));
         let moved = fs::rename(&folder, &old).and_then(|()| {
-            unfinished::begin(Thing::Folder(old.clone()));
+            unfinished::begin(Unfinished::Folder(old.clone()));
             let removed = fs::remove_dir_all(&old);
             unfinished::end(&old);
             removed
@@ -175,7 +178,7 @@ impl TileStore {
         sync_folder(folder)
     }
 
-    /// Opens the store in the folder `product`. `None` if there is none.
+    /// Open the store in the folder `product`. `None` if there is no store.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -193,31 +196,31 @@ impl TileStore {
         };
         let tiling = tiling.map_err(|what| ReadError::Malformed {
             path,
-            what: format!("this is no image of complex64 in plain tiles: {what}"),
+            what: format!("not an image of complex64 in uncompressed tiles: {what}"),
         })?;
         let plan = read_plan(&folder.join(PLAN))?;
         Ok(Some(Self::of(folder, tiling, plan)))
     }
 
-    /// Sizes of image and tiles.
+    /// Sizes of the image and of its tiles.
     pub fn tiling(&self) -> Tiling {
         self.tiling
     }
 
-    /// The plan's text.
+    /// Text of the plan.
     pub fn plan(&self) -> &str {
         &self.plan
     }
 
-    /// The store's own folder.
+    /// Folder of the store.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Keeps other processes away from a part of the work, which `part` names, for as long as what is returned lives.
+    /// Lock the part `part` of the work against other processes until the result is dropped.
     ///
     /// # Errors
-    /// [`WriteError`] if another process is at it.
+    /// [`WriteError`] if another process holds the lock.
     pub fn claim(&self, part: &str) -> Result<Claimed, WriteError> {
         let place = OutputPlace::of_file(&self.folder.join(format!("part {part}")))?;
         Ok(Claimed {
@@ -237,13 +240,13 @@ impl TileStore {
         self.folder.join(MARKS).join(name)
     }
 
-    /// Writes a tile, row-major, and `note` of it.
+    /// Write a tile, row-major, with a `note` in its mark.
     ///
     /// # Errors
-    /// [`WriteError`]; the tile is then as it was.
+    /// [`WriteError`]; the tile is then unchanged.
     ///
     /// # Panics
-    /// If there is no such tile, or `pixels` are not as many as it has.
+    /// Panics if `index` is out of range or the number of pixels differs from that of the tile.
     pub fn put(&self, index: usize, pixels: &[Complex32], note: &Value) -> Result<(), WriteError> {
         let [rows, columns] = self.tiling.place(index);
         assert_eq!(pixels.len(), rows.len() * columns.len());
@@ -273,7 +276,8 @@ impl TileStore {
         })
     }
 
-    /// Numbers of the tiles that are whole, by their marks, ascending: as many as there are files, whatever the description claims.
+    /// Indices of the complete tiles by their marks, ascending. Their number is that of the files, independent of the
+    /// metadata.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -292,18 +296,18 @@ impl TileStore {
         Ok(present)
     }
 
-    /// The tile whose mark has this name; `None` for any other file.
+    /// Tile whose mark has this name. `None` for any other file.
     fn index_of_mark(&self, name: &str) -> Option<usize> {
         let (row, column) = name.strip_suffix(".json")?.split_once('.')?;
         let [down, across] = self.tiling.tiles();
         let (row, column) = (row.parse().ok()?, column.parse().ok()?);
         let within = row < down && column < across;
         let index = within.then(|| row * across + column)?;
-        // Other spellings of the numbers are other files.
+        // Names with the same numbers in another spelling are not marks.
         (mark_name([row, column]) == name).then_some(index)
     }
 
-    /// Tiles that are whole, and what was noted of each.
+    /// Complete tiles with their notes.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -318,10 +322,10 @@ impl TileStore {
             .collect()
     }
 
-    /// Whether a tile is whole, by its mark.
+    /// Whether a tile is complete, by its mark.
     ///
     /// # Panics
-    /// If there is no such tile.
+    /// Panics if there is no such tile.
     pub fn has(&self, index: usize) -> bool {
         self.mark(index).exists()
     }
@@ -330,17 +334,18 @@ impl TileStore {
         self.verified.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes a file beside, forces it to the disk and renames it. Its folder is ours, and the name no link.
+    /// Write a file under a hidden name, sync and rename it. Its folder belongs to the store, and the name is not a
+    /// link.
     ///
-    /// The file lies hidden in the store's own folder, under the name of a lock of this process: the next that takes a lock there removes it if this
-    /// process is killed.
+    /// The hidden file is in the store's folder, under the name of a lock of this process. If this process is killed,
+    /// the next one that takes a lock there removes the file.
     fn beside(
         &self,
         path: &Path,
         write: impl FnOnce(&mut io::BufWriter<&mut File>) -> io::Result<()>,
     ) -> Result<(), WriteError> {
         let hidden = self.folder.join(self.hidden_name()?);
-        unfinished::begin(Thing::File(hidden.clone()));
+        unfinished::begin(Unfinished::File(hidden.clone()));
         let written = (|| {
             let mut file = File::create_new(&hidden)?;
             let mut out = io::BufWriter::with_capacity(1 << 16, &mut file);
@@ -363,7 +368,7 @@ impl TileStore {
         let place = match writer.take() {
             Some(place) => place,
             None => {
-                // Processes of two machines or containers may have one number.
+                // Processes on two machines or in two containers can have the same number.
                 let since = SystemTime::now().duration_since(UNIX_EPOCH);
                 let moment = since.unwrap_or_default().as_nanos();
                 let name = format!("writer {} {moment}", std::process::id());
@@ -378,7 +383,7 @@ fn mark_name([row, column]: [usize; 2]) -> String {
     format!("{row}.{column}.json")
 }
 
-/// A part of a store's work that no other process is at.
+/// Lock on a part of a store's work. Released when dropped.
 #[derive(Debug)]
 pub struct Claimed {
     _lock: Arc<Lock>,
@@ -426,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn tiles_come_back_and_say_when_they_are_damaged() {
+    fn tiles_read_back_and_damage_is_detected() {
         let folder = tempfile::tempdir().unwrap();
         let product = folder.path().join("a/b");
         assert!(TileStore::open(&product).unwrap().is_none());
@@ -445,7 +450,8 @@ mod tests {
         for index in done {
             assert_eq!(again.read(index).unwrap(), tile(index));
         }
-        // Row 2 of tiles is row 4 of the image and a row of zeros, column 2 the image's column 6 and two of zeros.
+        // Row 2 of tiles is row 4 of the image and a row of padding; column 2 is the image's column 6 and two of
+        // padding.
         let bytes = fs::read(product.join("image.zarr/c/2/2")).unwrap();
         assert_eq!(bytes.len(), 8 * 6);
         assert_eq!(bytes[..8], [0, 0, 0x80, 0x40, 0, 0, 0xd0, 0x40]);
@@ -459,8 +465,8 @@ mod tests {
         assert!(error.contains("CRC-32"), "{error}");
         fs::write(&chunk, [0; 3]).unwrap();
         let error = again.read(0).unwrap_err().to_string();
-        assert!(error.contains("3 bytes and not 48"), "{error}");
-        // Any window is read from the tiles that it lies on.
+        assert!(error.contains("expected 48 bytes, found 3"), "{error}");
+        // Any window is read from its tiles.
         for index in 0..TILING.count() {
             store.put(index, &tile(index), &Value::Null).unwrap();
         }
@@ -470,7 +476,7 @@ mod tests {
             let (row, column) = (1 + i / 5, 2 + i % 5);
             assert_eq!(*z, Complex32::new(row as f32, column as f32 + 0.5));
         }
-        // A glance is of these rows and columns and no others, of tiles at the ends too.
+        // Decimated reads return these rows and columns only, also for tiles at the edges.
         assert!(again.has(3) && again.has(8));
         let glance = again.glance(4, [1, 0], [2, 2]).unwrap();
         assert_eq!((glance.rows, glance.columns), (1, 2));
@@ -481,7 +487,7 @@ mod tests {
             (glance.rows, glance.pixels),
             (1, vec![Complex32::new(4.0, 6.5)])
         );
-        // Nothing is left beside.
+        // No other file remains.
         let names = fs::read_dir(product.join("image.zarr/c/1")).unwrap();
         assert_eq!(names.count(), 3);
         assert!(TileStore::create(&product, TILING, "").is_err());
@@ -502,11 +508,11 @@ mod tests {
         ] {
             fs::write(&path, text.replace(from, to)).unwrap();
             let error = TileStore::open(folder.path()).unwrap_err().to_string();
-            assert!(error.contains("no image of complex64"), "{error}");
+            assert!(error.contains("not an image of complex64"), "{error}");
         }
     }
 
-    /// A killed process leaves its lock, which nobody holds, and what it had begun.
+    /// A killed process leaves an unlocked lock file and partial files.
     #[test]
     fn next_claim_sweeps_tiles_of_killed_processes() {
         let folder = tempfile::tempdir().unwrap();
@@ -532,7 +538,7 @@ mod tests {
             names
         };
         assert_eq!(names(), [".another"]);
-        // Of those that live nothing is taken away.
+        // Files of running processes are not removed.
         let other = TileStore::open(folder.path()).unwrap().unwrap();
         other.put(5, &tile(5), &Value::Null).unwrap();
         store.put(8, &tile(8), &Value::Null).unwrap();
@@ -546,7 +552,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_one_process_s() {
+    fn part_can_be_claimed_once() {
         let folder = tempfile::tempdir().unwrap();
         let store = TileStore::create(folder.path(), TILING, "p").unwrap();
         let claimed = store.claim("1/8").unwrap();

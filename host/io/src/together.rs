@@ -1,7 +1,7 @@
-//! Files that belong together: all are written and forced to disk under hidden names, then renamed together.
+//! Sets of files that are written and synced under hidden names, then renamed together.
 //!
-//! A failed rename undoes the earlier ones: the files that were there before are there again, and the others are absent. Only a killed process or
-//! a power cut between two renames leaves some of the files new and others old, each complete.
+//! A failed rename undoes the earlier ones: the previous files are restored, and new files are absent. Only a killed
+//! process or a power cut between two renames leaves some files new and others old, each complete.
 //!
 //! ```
 //! # use std::io::Write;
@@ -25,7 +25,7 @@ use super::atomic::{AtomicFile, WriteError};
 use super::moves::{self, Moves};
 use super::staging::{StagedSet, settled};
 
-/// Files that belong together, not yet in place. Gone when dropped, unless committed.
+/// Set of files not yet renamed. Removed when dropped without commit.
 #[derive(Debug, Default)]
 pub struct FileSet {
     parts: Vec<Part>,
@@ -38,20 +38,21 @@ enum Part {
 }
 
 impl FileSet {
-    /// A set without files.
+    /// Create an empty set.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Whether there is no file.
+    /// Whether the set has no files.
     pub fn is_empty(&self) -> bool {
         self.parts.is_empty()
     }
 
-    /// Write a file as [`write_atomically`](super::atomic::write_atomically) does, but for the rename.
+    /// Write a file like [`write_atomically`](super::atomic::write_atomically), but leave the rename to
+    /// [`Self::commit`].
     ///
     /// # Errors
-    /// [`WriteError`]. The files added before stay.
+    /// [`WriteError`]. Files added before remain in the set.
     pub fn write<T>(
         &mut self,
         path: &Path,
@@ -64,7 +65,7 @@ impl FileSet {
         Ok(value)
     }
 
-    /// Write a file of these bytes.
+    /// Write a file with these bytes.
     ///
     /// # Errors
     /// As [`Self::write`].
@@ -74,10 +75,10 @@ impl FileSet {
         })
     }
 
-    /// Add a written file, forced to disk here.
+    /// Add a written file, which is synced here.
     ///
     /// # Errors
-    /// [`WriteError`] if it cannot be forced to disk. The file is removed.
+    /// [`WriteError`] if it cannot be synced; the file is then removed.
     pub fn add(&mut self, mut file: AtomicFile) -> Result<(), WriteError> {
         let synced = file.file().sync_all();
         synced.map_err(|source| file.failed(source))?;
@@ -93,7 +94,8 @@ impl FileSet {
     /// Rename all files into place.
     ///
     /// # Errors
-    /// [`WriteError`]; then all outputs are as they were. Where even that fails, [`WriteError::InPart`] lists the others.
+    /// [`WriteError`]; all outputs are then unchanged. If undoing fails too, [`WriteError::InPart`] lists the
+    /// outputs.
     pub fn commit(self) -> Result<(), WriteError> {
         for part in &self.parts {
             if let Part::Folder(set) = part {
@@ -113,7 +115,7 @@ impl FileSet {
         Ok(())
     }
 
-    /// The error of forcing the last names to disk.
+    /// Convert an error of syncing the last renames.
     fn failed(&self, source: io::Error) -> WriteError {
         match self.parts.last() {
             Some(Part::File(file)) => file.failed(source),
@@ -124,7 +126,7 @@ impl FileSet {
 }
 
 impl Drop for FileSet {
-    /// Last first: a folder made for an earlier file may hold a later one.
+    /// Drop in reverse order: a folder created for an earlier file may contain a later one.
     fn drop(&mut self) {
         while self.parts.pop().is_some() {}
     }
@@ -169,7 +171,7 @@ mod tests {
         fs::create_dir(name("blocked")).unwrap();
         let error = files.commit().unwrap_err().to_string();
         assert!(
-            error.contains("blocked") && error.contains("a folder of that name"),
+            error.contains("blocked") && error.contains("a folder of that name exists"),
             "{error}"
         );
         assert_eq!(contents(at.path()), before);
@@ -209,7 +211,7 @@ mod tests {
         let before = contents(at.path());
         assert_eq!(before.len(), NAMES.len());
 
-        // Of a set that begins with the product, without a picture, a later file cannot be put in place.
+        // The set begins with a product without a picture, and a later file cannot be renamed.
         let map = at.path().join("map");
         let mut files = FileSet::new();
         add(&mut files, 2.0, b"");
@@ -229,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_made_for_a_set_go_with_it() {
+    fn folders_created_for_dropped_set_are_removed() {
         let at = tempfile::tempdir().unwrap();
         let folder = at.path().join("made/deeper");
         let mut files = FileSet::new();

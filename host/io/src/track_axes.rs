@@ -1,32 +1,31 @@
-//! Which axes of a track's file are the scene's.
+//! Mapping from the axes of a track file to the scene axes.
 //!
-//! Written as the scene's x, y and z in the file's letters: `x, -z, y` takes the file's `-z` for the scene's y. Tracks of
-//! motion capture have y up; `x, -z, y` stands them upright and keeps them right-handed. Mirror images are refused: no
-//! body moves into one.
+//! Written as the scene's x, y and z in axes of the file: `x, -z, y` uses the file's `-z` as the scene's y.
+//! Motion-capture tracks have y up; `x, -z, y` makes z up and keeps the frame right-handed. Reflections are refused.
 
 use std::str::FromStr;
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// An order of axes with their signs, a rotation.
+/// Permutation of axes with signs, a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackAxes(DMat3);
 
 impl TrackAxes {
-    /// As they are.
+    /// Identical axes.
     pub const PLAIN: Self = Self(DMat3::IDENTITY);
 
-    /// Of a file with y up.
+    /// Mapping for a file with y up.
     pub fn y_up() -> Self {
         Self(DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y))
     }
 
-    /// A vector of the file in scene axes.
+    /// Convert a vector of the file to scene axes.
     pub fn turn(&self, vector: DVec3) -> DVec3 {
         self.0 * vector
     }
 
-    /// An attitude of the file, of a body whose own axes are the file's, in scene axes.
+    /// Convert an attitude of the file, for a body whose axes are the file's, to scene axes.
     pub fn turn_attitude(&self, attitude: DQuat) -> DQuat {
         let turn = DQuat::from_mat3(&self.0);
         (turn * attitude * turn.inverse()).normalize()
@@ -39,7 +38,7 @@ impl FromStr for TrackAxes {
     fn from_str(text: &str) -> Result<Self, String> {
         let wanted = || {
             format!(
-                "'{text}' is no order of axes: write the scene's x, y and z in the file's letters, as \"x, -z, y\""
+                "expected the scene's x, y and z as axes of the file, found '{text}': write for example \"x, -z, y\""
             )
         };
         let axis = |word: &str| {
@@ -66,10 +65,10 @@ impl FromStr for TrackAxes {
         match order.determinant() {
             d if d > 0.5 => Ok(Self(order)),
             d if d < -0.5 => Err(format!(
-                "'{text}' makes a mirror image of the track: turn one sign round, as \"x, -z, y\" for a file with y up"
+                "'{text}' is a reflection: change one sign, as in \"x, -z, y\" for a file with y up"
             )),
             _ => Err(format!(
-                "'{text}' takes an axis twice: take each of x, y and z once"
+                "'{text}' repeats an axis: use each of x, y and z once"
             )),
         }
     }
@@ -80,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn orders_are_rotations() {
+    fn axis_mappings_are_rotations() {
         let order: TrackAxes = "x, -z, y".parse().unwrap();
         assert_eq!(order, TrackAxes::y_up());
         // 2 m up, 3 m towards the viewer.
@@ -89,18 +88,18 @@ mod tests {
             DVec3::new(1.0, -3.0, 2.0)
         );
         assert_eq!("x,y,z".parse(), Ok(TrackAxes::PLAIN));
-        // A turn about the file's vertical is one about the scene's.
+        // A rotation about the file's vertical is one about the scene's.
         let turned = order.turn_attitude(DQuat::from_rotation_y(0.3)) * DVec3::X;
         assert!(
             turned.distance(DQuat::from_rotation_z(0.3) * DVec3::X) < 1e-12,
             "{turned}"
         );
         for (text, part) in [
-            ("x, z, y", "mirror image"),
-            ("x, x, y", "twice"),
-            ("x, y", "no order"),
-            ("a, y, z", "no order"),
-            ("", "no order"),
+            ("x, z, y", "reflection"),
+            ("x, x, y", "repeats an axis"),
+            ("x, y", "expected the scene's x, y and z"),
+            ("a, y, z", "expected the scene's x, y and z"),
+            ("", "expected the scene's x, y and z"),
         ] {
             let error = text.parse::<TrackAxes>().unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

@@ -1,11 +1,11 @@
 //! Tracks as comma-separated values.
 //!
-//! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`, `time_us`,
-//! `x_mm`, `x_cm` and so on, all three in one; and if attitude is known all
-//! of `roll_deg`, `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every line
-//! after it is a fix; additional columns of [`crate::found_track`] are ignored. Times are seconds from the collection's start, positions metres in the scene
-//! frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and
-//! lines that begin with `#` are passed over.
+//! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`,
+//! `time_us`, `x_mm`, `x_cm` and so on, with one unit for x, y and z. For attitude it has all of `roll_deg`,
+//! `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every further line is a fix; additional
+//! columns of [`crate::estimated_track`] are ignored. Times are seconds from the collection's start, positions metres in
+//! the scene frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and lines that
+//! begin with `#` are skipped.
 //!
 //! ```text
 //! time_s,x_m,y_m,z_m
@@ -19,18 +19,18 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use crate::found_track::BESIDE;
+use crate::estimated_track::EXTRA_COLUMNS;
 
 use subaperture_model::track::{Fix, turned};
 
-/// Bytes a line may have.
+/// Maximum line length in bytes.
 const LONGEST_LINE: u64 = 4096;
 
-/// Farthest that a coordinate may lie from the scene's origin, metres, and longest a time, seconds.
+/// Maximum coordinate in metres and maximum time in seconds.
 const FARTHEST: f64 = 1e9;
 
 const PLACE: [&str; 4] = ["time_s", "x_m", "y_m", "z_m"];
-/// Units of times and of places, and what they are in seconds and metres.
+/// Column names of times with their unit in seconds.
 const TIMES: [(&str, f64); 3] = [("time_s", 1.0), ("time_ms", 1e-3), ("time_us", 1e-6)];
 const PLACES: [([&str; 3], f64); 3] = [
     (["x_m", "y_m", "z_m"], 1.0),
@@ -57,17 +57,17 @@ pub enum TrackCsvError {
     Line {
         /// Path of the file that failed.
         path: PathBuf,
-        /// The line, from 1.
+        /// Line number, from 1.
         line: u64,
         /// Description of the fault.
         what: String,
     },
 }
 
-/// Reads a track's fixes.
+/// Read the fixes of a track.
 ///
 /// # Errors
-/// [`TrackCsvError`], with the line. That times ascend is the track's to check.
+/// [`TrackCsvError`] with the line. The order of times is not checked here.
 pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
     let file = File::open(path).map_err(|source| TrackCsvError::Io {
         path: path.to_owned(),
@@ -76,7 +76,7 @@ pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
     read_from(BufReader::new(file), path)
 }
 
-/// Reads a track's fixes from a stream; `path` is for errors.
+/// Read the fixes of a track from a stream; `path` is for errors.
 ///
 /// # Errors
 /// As [`read`].
@@ -98,17 +98,19 @@ pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsv
         return Err(TrackCsvError::Line {
             path: path.to_owned(),
             line: 1,
-            what: format!("no header; begin with {}", PLACE.join(",")),
+            what: format!(
+                "expected a header such as {}, found the end of the file",
+                PLACE.join(",")
+            ),
         });
     }
     Ok(fixes)
 }
 
-/// Calls `take` with every line of a track's file, less a byte order mark, which a spreadsheet may put before the
-/// first; returns their number.
+/// Call `take` with every line of a track file, without a byte order mark. Returns the number of lines.
 ///
 /// # Errors
-/// [`TrackCsvError`] with the line, of one of `longest` bytes or more or that is not text, or with what `take` says of it.
+/// [`TrackCsvError`] with the line, if it has `longest` bytes or more, is not text, or `take` returns an error.
 pub(super) fn each_line(
     mut stream: impl BufRead,
     path: &Path,
@@ -130,7 +132,9 @@ pub(super) fn each_line(
         }
         line += 1;
         let taken = match std::str::from_utf8(&bytes) {
-            _ if count as u64 == longest => Err(format!("{longest} bytes or more; not a track")),
+            _ if count as u64 == longest => {
+                Err(format!("expected a line of fewer than {longest} bytes"))
+            }
             Err(_) => Err("not text".to_owned()),
             Ok(text) => take(text.trim_start_matches('\u{feff}')),
         };
@@ -142,13 +146,13 @@ pub(super) fn each_line(
     }
 }
 
-/// Where each value is in a row.
+/// Columns of the values.
 struct Columns {
     names: Vec<String>,
     place: [usize; 4],
-    /// Units of time and place, seconds and metres.
+    /// Units of time and position in seconds and metres.
     units: [f64; 2],
-    /// Roll, pitch and yaw, and what one of their units is in radians.
+    /// Columns of roll, pitch and yaw, and their unit in radians.
     angles: Option<([usize; 3], f64)>,
 }
 
@@ -160,14 +164,14 @@ impl Columns {
             let places = PLACES.iter().flat_map(|(names, _)| *names);
             let angles = DEGREES.into_iter().chain(RADIANS);
             let known: Vec<&str> = times.chain(places).chain(angles).collect();
-            if !known.contains(&name.as_str()) && !BESIDE.contains(&name.as_str()) {
+            if !known.contains(&name.as_str()) && !EXTRA_COLUMNS.contains(&name.as_str()) {
                 return Err(format!(
-                    "column '{name}' is not known; the columns are {}",
+                    "unknown column '{name}': expected one of {}",
                     known.join(", ")
                 ));
             }
             if names[..n].contains(name) {
-                return Err(format!("column '{name}' comes twice"));
+                return Err(format!("duplicate column '{name}'"));
             }
         }
         let at = |name: &str| names.iter().position(|n| n == name);
@@ -178,7 +182,7 @@ impl Columns {
         let &[(time, time_unit)] = &times[..] else {
             return Err(match times.len() {
                 0 => "column 'time_s' is missing".to_owned(),
-                _ => "times come in two units: leave one out".to_owned(),
+                _ => "times have two units: remove one".to_owned(),
             });
         };
         let any = |names: &[&str; 3]| names.iter().any(|name| at(name).is_some());
@@ -186,7 +190,7 @@ impl Columns {
         let (letters, place_unit) = match given[..] {
             [] => return Err("column 'x_m' is missing".to_owned()),
             [(names, unit)] => (names, *unit),
-            _ => return Err("places come in two units: give x, y and z in one".to_owned()),
+            _ => return Err("positions have two units: give x, y and z in one".to_owned()),
         };
         let mut place = [time, 0, 0, 0];
         for (place, name) in place[1..].iter_mut().zip(letters) {
@@ -218,7 +222,7 @@ impl Columns {
         let values: Vec<&str> = row.split(',').map(str::trim).collect();
         if values.len() != self.names.len() {
             return Err(format!(
-                "{} values; the header names {} columns",
+                "expected {1} values as in the header, found {0}",
                 values.len(),
                 self.names.len()
             ));
@@ -226,7 +230,7 @@ impl Columns {
         let number = |n: usize| match values[n].parse::<f64>() {
             Ok(value) if value.abs() <= FARTHEST => Ok(value),
             _ => Err(format!(
-                "{} is '{}'; a number of at most {FARTHEST:e} is expected",
+                "{}: expected a number up to {FARTHEST:e}, found '{}'",
                 self.names[n], values[n]
             )),
         };
@@ -256,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_found_by_name() {
+    fn columns_are_matched_by_name() {
         let read = fixes(
             "\u{feff}# flight 3\nz_m, x_m,y_m,yaw_deg,roll_deg,pitch_deg,time_s\r\n\r\n300,1,2,90,0,0,0.5\n\
              301,-1e1,2.5,0,30,0,1\n",
@@ -277,13 +281,13 @@ mod tests {
     }
 
     #[test]
-    fn other_units_are_named_by_their_columns() {
+    fn column_names_select_units() {
         let read = fixes("time_ms,x_mm,y_mm,z_mm\n1500,10,-20,3000\n").unwrap();
         assert_eq!(read[0].time_s, 1.5);
         assert!(read[0].position_m.distance(DVec3::new(0.01, -0.02, 3.0)) < 1e-15);
         for (header, what) in [
-            ("time_s,x_mm,y_m,z_m\n", "places come in two units"),
-            ("time_s,time_ms,x_m,y_m,z_m\n", "times come in two units"),
+            ("time_s,x_mm,y_m,z_m\n", "positions have two units"),
+            ("time_s,time_ms,x_m,y_m,z_m\n", "times have two units"),
             ("time_s,x_cm,y_cm\n", "'z_cm' is missing"),
             ("x_cm,y_cm,z_cm\n", "'time_s' is missing"),
         ] {
@@ -295,21 +299,27 @@ mod tests {
     #[test]
     fn faults_name_their_line() {
         for (text, what) in [
-            ("", "line 1: no header"),
+            ("", "line 1: expected a header"),
             ("time_s,x_m,y_m\n", "line 1: column 'z_m' is missing"),
-            (
-                "time_s,x_m,y_m,z_m,x_m\n",
-                "line 1: column 'x_m' comes twice",
-            ),
-            ("time,x_m,y_m,z_m\n", "line 1: column 'time' is not known"),
+            ("time_s,x_m,y_m,z_m,x_m\n", "line 1: duplicate column 'x_m'"),
+            ("time,x_m,y_m,z_m\n", "line 1: unknown column 'time'"),
             (
                 "time_s,x_m,y_m,z_m,yaw_deg\n",
                 "line 1: give all of roll_deg",
             ),
-            ("time_s,x_m,y_m,z_m\n\n1,2,3\n", "line 3: 3 values"),
-            ("time_s,x_m,y_m,z_m\n1,2,x,4\n", "line 2: y_m is 'x'"),
-            ("time_s,x_m,y_m,z_m\n1,2,inf,4\n", "line 2: y_m is 'inf'"),
-            ("time_s,x_m,y_m,z_m\n1,2,NaN,4\n", "line 2: y_m is 'NaN'"),
+            ("time_s,x_m,y_m,z_m\n\n1,2,3\n", "line 3: expected 4 values"),
+            (
+                "time_s,x_m,y_m,z_m\n1,2,x,4\n",
+                "line 2: y_m: expected a number up to 1e9, found 'x'",
+            ),
+            (
+                "time_s,x_m,y_m,z_m\n1,2,inf,4\n",
+                "line 2: y_m: expected a number up to 1e9, found 'inf'",
+            ),
+            (
+                "time_s,x_m,y_m,z_m\n1,2,NaN,4\n",
+                "line 2: y_m: expected a number up to 1e9, found 'NaN'",
+            ),
         ] {
             let error = fixes(text).unwrap_err().to_string();
             assert!(error.contains(what), "{error}");

@@ -1,7 +1,7 @@
-//! What of outputs is on the disk and is no output yet: hidden files, staging folders, locks, folders made for them.
+//! Registry of unfinished outputs on disk: hidden files, staging folders, locks, folders created for them.
 //!
-//! Each is removed by its owner when that is dropped. Who ends the process at once drops nothing, and calls
-//! [`remove_all`] before.
+//! Each is removed when its owner is dropped. A caller that exits the process without dropping them calls
+//! [`remove_all`] first.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,27 +9,26 @@ use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Longest that [`remove_all`] waits for files on their way into place.
+/// Maximum time that [`remove_all`] waits for commits.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-static THINGS: Mutex<Vec<Thing>> = Mutex::new(Vec::new());
+static THINGS: Mutex<Vec<Unfinished>> = Mutex::new(Vec::new());
 static COMMITS: RwLock<()> = RwLock::new(());
 
-/// Something to be removed.
+/// Unfinished output to be removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Thing {
+pub(super) enum Unfinished {
     /// A file.
     File(PathBuf),
-    /// A folder with all that is in it.
+    /// Folder with its content.
     Folder(PathBuf),
-    /// A folder, if nothing is in it.
+    /// Folder, if it is empty.
     EmptyFolder(PathBuf),
 }
 
-impl Thing {
+impl Unfinished {
     fn remove(&self) {
-        // What is not there any more needs no removing, and what cannot be removed is told by nobody: the
-        // process ends.
+        // Missing paths need no removal, and other errors cannot be reported since the process exits.
         let _ = match self {
             Self::File(path) => fs::remove_file(path),
             Self::Folder(path) => fs::remove_dir_all(path),
@@ -44,16 +43,16 @@ impl Thing {
     }
 }
 
-fn things() -> MutexGuard<'static, Vec<Thing>> {
+fn things() -> MutexGuard<'static, Vec<Unfinished>> {
     THINGS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// There is `thing` now, or will be in a moment.
-pub(super) fn begin(thing: Thing) {
+/// Register `thing`, which exists or is about to be created.
+pub(super) fn begin(thing: Unfinished) {
     things().push(thing);
 }
 
-/// There is nothing unfinished at `path` any more: it was removed, or is an output.
+/// Unregister `path`, which was removed or has become an output.
 pub(super) fn end(path: &Path) {
     let mut things = things();
     if let Some(last) = things.iter().rposition(|thing| thing.path() == path) {
@@ -61,13 +60,13 @@ pub(super) fn end(path: &Path) {
     }
 }
 
-/// While this lives, files that belong together are on their way into place, and [`remove_all`] waits.
+/// Guard held while files are renamed into place; [`remove_all`] waits for it.
 pub(super) fn commit() -> RwLockReadGuard<'static, ()> {
     COMMITS.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes all that is unfinished, the newest first; for who ends the process next. Waits for files on their way into
-/// place, a second at most, and lets none set out any more.
+/// Remove everything unfinished, newest first, before the process exits. Waits for commits in progress, at most a
+/// second, and blocks new ones.
 pub fn remove_all() {
     let begun = Instant::now();
     let held = loop {
@@ -82,6 +81,6 @@ pub fn remove_all() {
     for thing in things().drain(..).rev() {
         thing.remove();
     }
-    // For as long as the process has.
+    // Never released, since the process exits.
     std::mem::forget(held);
 }

@@ -1,89 +1,89 @@
-//! Why an output was not written.
+//! Errors of writing outputs.
 
 use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why nothing was written.
+/// Reason why an output was not written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
     /// The operating system reported an error.
     #[error("cannot write {}: {source}{}", path.display(), advice(source, *needed_bytes))]
     Io {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
-        /// Size of it all, 0 if not known.
+        /// Size of the output in bytes; 0 if unknown.
         needed_bytes: u64,
-        /// Cause.
+        /// Error of the system.
         source: io::Error,
     },
-    /// The disk is too full to begin.
+    /// The disk has too little free space.
     #[error(
-        "cannot write {}: {needed_bytes} bytes are needed and {free_bytes} are free there; free some \
+        "cannot write {}: {needed_bytes} bytes are needed, but {free_bytes} are free there; free some \
          or write elsewhere",
         path.display()
     )]
     NoSpace {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
-        /// Size of it.
+        /// Size of the output in bytes.
         needed_bytes: u64,
-        /// Bytes free.
+        /// Free space in bytes.
         free_bytes: u64,
     },
-    /// Something is in the way.
+    /// The path is not available.
     #[error("cannot write {}: {what}", path.display())]
     Blocked {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
-        /// What is in the way.
+        /// Obstacle.
         what: &'static str,
     },
-    /// Another run is writing it.
+    /// Another run is writing the output.
     #[error(
         "cannot write {}: another run ({holder}) is writing it; wait for it to end, or write elsewhere",
         path.display()
     )]
     Locked {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
-        /// Who holds the lock.
+        /// Description of the process that holds the lock.
         holder: String,
     },
-    /// It is read by the same run.
+    /// The output is an input of the same run.
     #[error("cannot write {}: {}; name another file", path.display(), same(path, input))]
     IsInput {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
-        /// The input, by its own name.
+        /// Path of the input.
         input: PathBuf,
     },
-    /// It is named twice.
-    #[error("cannot write {}: it is named twice, for two outputs", path.display())]
+    /// The same path was given for two outputs.
+    #[error("cannot write {}: the same path was given for two outputs", path.display())]
     Twice {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
     },
-    /// Files that belong together are neither all new nor as they were: putting them back failed too.
+    /// Only some files of a set were replaced, and undoing the renames failed as well.
     #[error("{error}; {}", left_in_part(replaced, kept))]
     InPart {
-        /// The error that came first.
+        /// First error.
         error: Box<WriteError>,
         /// Files that are new, or absent.
         replaced: Vec<PathBuf>,
-        /// Where their old content is.
+        /// Paths of their old content.
         kept: Vec<PathBuf>,
     },
-    /// Something stands there that this program did not write.
+    /// The path exists and was not written by this program.
     #[error(
-        "cannot write {}: it is there already, and {what}",
+        "cannot write {}: it exists, and {what}",
         path.display()
     )]
     NotOurs {
-        /// What was to be written.
+        /// Path of the output.
         path: PathBuf,
-        /// How that shows.
+        /// Reason why it does not count as written by this program.
         what: &'static str,
     },
 }
@@ -105,12 +105,12 @@ fn left_in_part(replaced: &[PathBuf], kept: &[PathBuf]) -> String {
     };
     let replaced = list(replaced);
     let mut text = format!(
-        "putting back the older files failed too, and outputs are left in part: {replaced} are of this run, or absent"
+        "restoring the older files failed as well; outputs are incomplete: {replaced} are of this run, or absent"
     );
     if !kept.is_empty() {
         let kept = list(kept);
         text += &format!(
-            "; the older content is in {kept}: rename it, for the next run that writes there removes it"
+            "; the older content is in {kept}: rename it, since the next run that writes there removes it"
         );
     }
     text

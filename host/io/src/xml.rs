@@ -3,7 +3,7 @@
 use glam::DVec3;
 use subaperture_model::quantity::bytes;
 
-/// Writes indented elements.
+/// Writer of indented elements.
 #[derive(Debug)]
 pub struct Writer {
     text: String,
@@ -17,7 +17,7 @@ impl Default for Writer {
 }
 
 impl Writer {
-    /// A document that begins with its declaration.
+    /// Create a document that begins with its declaration.
     pub fn new() -> Self {
         Self {
             text: "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n".to_owned(),
@@ -25,12 +25,12 @@ impl Writer {
         }
     }
 
-    /// The document.
+    /// Return the text of the document.
     pub fn finish(self) -> String {
         self.text
     }
 
-    /// An element with children. `attributes` are plain ASCII of our own making.
+    /// Write an element with children. `attributes` must be plain ASCII.
     pub fn element(&mut self, name: &str, attributes: &str, content: impl FnOnce(&mut Self)) {
         let space = if attributes.is_empty() { "" } else { " " };
         self.indent();
@@ -42,12 +42,12 @@ impl Writer {
         self.text += &format!("</{name}>\n");
     }
 
-    /// An element with text, escaped.
+    /// Write an element with text, which is escaped.
     pub fn text(&mut self, name: &str, value: impl std::fmt::Display) {
         self.text_with(name, "", value);
     }
 
-    /// An element with attributes and text, which is escaped.
+    /// Write an element with attributes and text, which is escaped.
     pub fn text_with(&mut self, name: &str, attributes: &str, value: impl std::fmt::Display) {
         let space = if attributes.is_empty() { "" } else { " " };
         self.indent();
@@ -63,19 +63,19 @@ impl Writer {
         self.text += &format!("</{name}>\n");
     }
 
-    /// An element with a number, in the fewest digits that read back to the same float64.
+    /// Write an element with a number, in the fewest digits that read back to the same float64.
     pub fn number(&mut self, name: &str, value: f64) {
         self.text(name, format_args!("{value:?}"));
     }
 
-    /// Elements with a number each.
+    /// Write elements with a number each.
     pub fn numbers(&mut self, values: &[(&str, f64)]) {
         for (name, value) in values {
             self.number(name, *value);
         }
     }
 
-    /// An element with three.
+    /// Write an element with the children `X`, `Y` and `Z`.
     pub fn xyz(&mut self, name: &str, v: DVec3) {
         self.element(name, "", |w| {
             w.numbers(&[("X", v.x), ("Y", v.y), ("Z", v.z)]);
@@ -87,44 +87,44 @@ impl Writer {
     }
 }
 
-/// Attributes that an element may have, and declarations of namespaces a document: the standard's have two of
-/// each at most. A parser compares every one with every other.
+/// Maximum number of attributes of an element, and of namespace declarations of a document. The standards use at most
+/// two of each; a parser compares every one with every other.
 const MAX_ATTRIBUTES: usize = 100;
 
-/// Memory of parsed XML where no other limit is given, bytes.
+/// Default limit on the memory of parsed XML in bytes.
 pub const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 
-/// Memory that an opening bracket may take: an element and a text of the parser's tree in a list that grows by doubling, and what readers
-/// keep of an element.
+/// Memory per opening bracket in bytes: an element and a text of the parser's tree in a list that grows by doubling,
+/// and the reader's data for an element.
 const NODE_BYTES: u64 = 200;
-/// Memory that an equals sign may take: an attribute.
+/// Memory per equals sign in bytes: an attribute.
 const ATTRIBUTE_BYTES: u64 = 100;
-/// Memory that an ampersand may take, beside its text: a string of its own.
+/// Memory per ampersand in bytes, in addition to its text: an allocated string.
 const ESCAPE_BYTES: u64 = 64;
-/// Copies of a byte of text: the text, unescaped text, and what readers keep of it.
+/// Copies of a byte of text: the text, the unescaped text, and the reader's copy.
 const COPIES: u64 = 3;
 
-/// Reason for which XML is not parsed.
+/// Reason why XML is not parsed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum XmlFault {
-    /// It would take a parser long, or is damaged.
+    /// Parsing would take very long, or the text is damaged.
     #[error("{0}")]
     Damaged(String),
-    /// It would take too much memory.
+    /// Parsing would need too much memory.
     #[error(
-        "expected XML that takes at most {} of memory, found one that would need {}: allow more memory, or take the file of fewer channels",
+        "expected XML that takes at most {} of memory, found one that would need {}: allow more memory, or use a file of fewer channels",
         bytes((*allowed_bytes).into()), bytes((*needed_bytes).into())
     )]
     Memory {
-        /// Memory that the parsed text may need, bytes.
+        /// Memory needed by the parsed text in bytes.
         needed_bytes: u64,
-        /// Memory limit of the caller, bytes.
+        /// Memory limit of the caller in bytes.
         allowed_bytes: u64,
     },
 }
 
-/// Memory that XML may take once it is parsed, bytes: an upper bound from the number of its brackets, equals signs and ampersands.
+/// Upper bound on the memory of parsed XML in bytes, from the number of its brackets, equals signs and ampersands.
 pub fn parsed_bytes(xml: &str) -> u64 {
     let mut bytes = COPIES * xml.len() as u64;
     for byte in xml.bytes() {
@@ -138,8 +138,8 @@ pub fn parsed_bytes(xml: &str) -> u64 {
     bytes
 }
 
-/// Refuse XML that would take more than `memory_bytes` once parsed, or a parser more time than in proportion to its length. Every reader
-/// calls this first; other faults are left to the parser.
+/// Refuse XML that would take more than `memory_bytes` when parsed, or more time than in proportion to its length.
+/// Every reader calls this first; the parser detects other faults.
 ///
 /// # Errors
 /// [`XmlFault`].
@@ -154,12 +154,13 @@ pub fn check(xml: &str, memory_bytes: u64) -> Result<(), XmlFault> {
     check_plain(xml).map_err(XmlFault::Damaged)
 }
 
-/// Refuse elements with very many attributes, and very many namespaces: the parser compares each with all others.
+/// Refuse elements with very many attributes, and very many namespaces, since the parser compares each with all
+/// others.
 fn check_plain(xml: &str) -> Result<(), String> {
     let bytes = xml.as_bytes();
     let too_many = |byte: usize, what: &str| {
         Err(format!(
-            "byte {byte}: more than {MAX_ATTRIBUTES} {what}; no file has so many: it is damaged"
+            "byte {byte}: expected at most {MAX_ATTRIBUTES} {what}, found more: the file is damaged"
         ))
     };
     if let Some((byte, _)) = xml.match_indices("xmlns").nth(MAX_ATTRIBUTES) {
@@ -183,7 +184,7 @@ fn check_plain(xml: &str) -> Result<(), String> {
         at = start + 1;
         while let Some(&byte) = bytes.get(at) {
             match quote {
-                // Nowhere in a tag: whatever this is, the parser will say.
+                // Not inside a tag: the parser reports the fault.
                 _ if byte == b'<' => break,
                 Some(mark) if byte == mark => quote = None,
                 Some(_) => {}

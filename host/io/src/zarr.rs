@@ -1,9 +1,10 @@
-//! Complex images in Zarr: arrays of the third version (zarr-specs.readthedocs.io), read part by part.
+//! Complex images in Zarr v3 arrays (zarr-specs.readthedocs.io), read in parts.
 //!
-//! Read are `complex64` arrays of two dimensions (rows, columns), or of three (image, rows, columns) of which one image is taken, in plain little-endian chunks on a
-//! regular grid: what [`crate::stack`] and [`crate::tiles`] write. Compressed chunks and other types are refused by name. A chunk that is absent holds the fill value.
+//! Supported are `complex64` arrays of two dimensions (rows, columns), or of three (image, rows, columns) of which
+//! one image is selected, in uncompressed little-endian chunks on a regular grid, as written by [`crate::stack`] and
+//! [`crate::tiles`]. Compressed chunks and other types are refused by name. A missing chunk has the fill value.
 //!
-//! A group is opened by its array `image`, or by its only complex array. **Memory** that of the part that is read.
+//! A group is opened by its array `image`, or by its only complex array. **Memory**: that of the part read.
 
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -20,30 +21,30 @@ use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, Tiling, blocks,
 };
 
-/// What describes a group or an array.
+/// Name of the metadata file of a group or array.
 const DESCRIPTION: &str = "zarr.json";
-/// Bounds on a description.
+/// Limits on the metadata.
 const LIMITS: Limits = Limits {
     bytes: 16 << 20,
     string_bytes: 1 << 20,
     value_bytes: 16 << 20,
 };
-/// Most rows or columns, and most pixels: half a terabyte. Chunks may be absent, so that a file's bytes bound nothing.
+/// Maximum number of rows or columns. Chunks may be missing, so the file size limits nothing.
 const LONGEST: u64 = 1_000_000_000;
 const MAX_PIXELS: u128 = 1 << 36;
 
-/// A complex image in a Zarr array.
+/// Complex image in a Zarr array.
 #[derive(Debug)]
 pub struct ZarrImage {
     array: PathBuf,
     tiling: Tiling,
-    /// Which image of how many, of an array of three dimensions.
+    /// Index of the image and number of images, for an array of three dimensions.
     layer: Option<(usize, usize)>,
     separator: String,
-    /// Whether keys of chunks begin with `c`.
+    /// Whether chunk keys begin with `c`.
     default_keys: bool,
     fill: Complex32,
-    /// Attributes of the group, or of the array alone.
+    /// Attributes of the group, or of a single array.
     attributes: Value,
     grid: Option<ImageGrid>,
 }
@@ -54,10 +55,10 @@ pub fn is_zarr(folder: &Path) -> bool {
 }
 
 impl ZarrImage {
-    /// Opens a group or an array; `layer` is the number of an image among several, from 0.
+    /// Open a group or an array; `layer` is the index of an image among several, from 0.
     ///
     /// # Errors
-    /// [`ReadError`], also if there are several images and `layer` is not given.
+    /// [`ReadError`], also if there are several images and `layer` is `None`.
     pub fn open(folder: &Path, layer: Option<usize>) -> Result<Self, ReadError> {
         let about = description(folder)?;
         let (array, about, attributes) = match about["node_type"].as_str() {
@@ -186,22 +187,22 @@ impl ZarrImage {
         })
     }
 
-    /// Attributes of the group, or of the array alone.
+    /// Attributes of the group, or of a single array.
     pub fn attributes(&self) -> &Value {
         &self.attributes
     }
 
-    /// Number of the image among those of its array, and how many there are.
+    /// Index of the image in its array, and number of images.
     pub fn layer(&self) -> Option<(usize, usize)> {
         self.layer
     }
 
-    /// Where pixels are, of a group that [`crate::stack`] wrote for images in a plane.
+    /// Pixel grid, for a group written by [`crate::stack`] with images in a plane.
     pub fn grid(&self) -> Option<&ImageGrid> {
         self.grid.as_ref()
     }
 
-    /// Where the scene is, likewise.
+    /// Scene frame, for a group written by [`crate::stack`] with images in a plane.
     pub fn frame(&self) -> Option<SceneFrame> {
         self.grid.as_ref()?;
         let Some(origin_ecf_m) = self.vector("frame_origin_ecf_m") else {
@@ -253,7 +254,8 @@ impl ZarrImage {
         self.array.join(keys.join(&self.separator))
     }
 
-    /// Reads what a chunk has of a place into the place's pixels; an absent chunk has the fill value, which stands there already.
+    /// Read the part of a chunk within a block into the block's pixels. A missing chunk leaves the fill value, with
+    /// which the pixels are initialised.
     fn read(
         &self,
         index: usize,
@@ -321,22 +323,22 @@ impl ImageSource for ZarrImage {
     }
 }
 
-/// Which of `count` images is meant.
+/// Index of the selected image among `count`.
 fn which(count: usize, layer: Option<usize>) -> Result<usize, String> {
     match layer {
         Some(layer) if layer < count => Ok(layer),
         Some(layer) => Err(format!(
-            "it holds {count} images, numbered from 0; there is no image {layer}"
+            "expected an image number below {count}, found {layer}"
         )),
         None if count == 1 => Ok(0),
         None => Err(format!(
-            "it holds {count} images, and one is needed: name it by its number, as FOLDER:0 to FOLDER:{}",
+            "expected one image, found {count}: select one by its number, FOLDER:0 to FOLDER:{}",
             count - 1
         )),
     }
 }
 
-/// The array of a group that is an image.
+/// Path of the image array in a group.
 fn image_of_group(folder: &Path, about: &Value) -> Result<PathBuf, ReadError> {
     let named = folder.join("image");
     if is_zarr(&named) {
@@ -360,7 +362,7 @@ fn image_of_group(folder: &Path, about: &Value) -> Result<PathBuf, ReadError> {
     }
 }
 
-/// An evenly spaced axis of float64 values, from its first chunk's first two values.
+/// Evenly spaced axis from the first two values of a float64 array.
 fn axis(array: &Path, count: usize) -> Option<Axis> {
     let about = description(array).ok()?;
     let plain = about["data_type"] == "float64" && about["shape"][0].as_u64() == Some(count as u64);
@@ -374,7 +376,7 @@ fn axis(array: &Path, count: usize) -> Option<Axis> {
         Some(f64::from_le_bytes(bytes))
     };
     let start = number()?;
-    // A lone row or column has no step of its own.
+    // A single row or column has no step.
     let step = if count > 1 { number()? - start } else { 1.0 };
     Some(Axis { start, step, count })
 }

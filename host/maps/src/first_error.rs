@@ -13,7 +13,7 @@ pub(crate) struct FirstError<W> {
     end: u64,
 }
 
-/// The first error, shared with who asks for it.
+/// First error, shared with the owner of the writer.
 #[derive(Clone, Default)]
 pub(crate) struct KeptError(Rc<Kept>);
 
@@ -24,7 +24,7 @@ struct Kept {
 }
 
 impl KeptError {
-    /// The error, given once.
+    /// Return the error, if any, once.
     pub(crate) fn check(&self) -> io::Result<()> {
         self.0.error.borrow_mut().take().map_or(Ok(()), Err)
     }

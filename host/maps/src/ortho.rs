@@ -234,7 +234,7 @@ impl<'a> Ortho<'a> {
         traced
     }
 
-    /// As [`Self::pixels_of`], each sample projected exactly.
+    /// Like [`Self::pixels_of`], with each sample projected exactly.
     fn each_pixel_of(&self, patch: &PixelBlock) -> Vec<Traced> {
         let side = 1.0 / self.fine as f64;
         let columns = patch[1].len();

@@ -1,7 +1,7 @@
 //! Common types of image formation: phase history, geometry, radar, track, grid, image, units.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has these modules as its own.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; the crate `subaperture` re-exports
+//! these modules.
 //!
 //! | module | contents |
 //! |---|---|
@@ -12,13 +12,13 @@
 //! | [`track`] | trajectories of radars and targets |
 //! | [`image`] | complex images, and the error between two of them |
 //! | [`units`], [`quantity`] | numbers with units, parsed and printed |
-//! | [`monitor`] | progress and interruption of long work |
+//! | [`monitor`] | progress and cancellation of long work |
 //! | [`nearest`] | nearest valid name of a misspelt one |
 //!
 //! # Conventions
 //! - The phase of a unit scatterer at `p` in pulse `n` at frequency `f` is
-//!   `-2 pi f (path_n(p) - reference_path_n) / c`: Schone 2020 (2.11), CPHD's `SGN = -1`.
-//!   Every reader converts to it; no later stage asks for the convention.
+//!   `-2 pi f (path_n(p) - reference_path_n) / c`: Schone 2020 (2.11), CPHD's `SGN = -1`. Every reader converts to
+//!   this convention.
 //! - A *path* is the two-way length from transmitter to point to receiver, in metres.
 //! - Positions are metres in the scene frame ([`geometry::SceneFrame`]), float64; samples are
 //!   complex float32.
@@ -36,7 +36,7 @@ pub mod resolution;
 pub mod track;
 pub mod units;
 
-/// Speed of light in vacuum, metres a second (exact by definition).
+/// Speed of light in vacuum, metres per second (exact by definition).
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
 
 /// Program name written into files.

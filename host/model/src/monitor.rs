@@ -31,7 +31,7 @@ pub struct During<'a> {
     stage: &'static str,
 }
 
-/// Begins with some of a stage; for a patch, a run of pixels or some pulses, not for one.
+/// Start a part of a stage. Intended for a patch, a block of pixels or some pulses, not for single ones.
 pub fn during<'a>(monitor: &'a dyn Monitor, stage: &'static str) -> During<'a> {
     monitor.begins(stage);
     During { monitor, stage }

@@ -1,10 +1,9 @@
-//! The name that was meant by a misspelt one.
+//! Suggestion for a misspelt name.
 
-/// The candidate nearest to `word` by edit distance (letters added, left out, replaced or two swapped; case
-/// does not count), if a third of the word's letters or fewer differ (at least one may); the first of
-/// equals.
+/// Candidate nearest to `word` by edit distance (letters added, omitted, replaced, or two swapped; case is ignored),
+/// if at most a third of the word's letters differ (at least one may). The first of equals.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Longer ones are no slip of the finger, and the distance is quadratic in length.
+    // Longer words are not misspelt names, and the distance is quadratic in length.
     if word.len() > 40 {
         return None;
     }
@@ -29,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slips_are_recognised_and_other_words_are_not() {
+    fn misspelt_names_are_matched_and_other_words_are_not() {
         let known = ["position", "velocity", "pri", "prf"];
         assert_eq!(nearest("postion", known), Some("position"));
         assert_eq!(nearest("Velocity", known), Some("velocity"));

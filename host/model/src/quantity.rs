@@ -1,12 +1,12 @@
-//! Quantities as text, for people: significant digits, and the prefix of the unit that suits.
+//! Quantities as text with significant digits and a suitable unit prefix.
 //!
-//! Digits that say nothing are left out: zeros behind the point, a minus before zero, and what is below any
-//! measure of this trade (a length of 1e-13 m is rounding).
+//! Insignificant digits are omitted: trailing zeros after the decimal point, the sign of zero, and values below any
+//! resolution of radar (a length of 1e-13 m is rounding).
 
-/// A unit as text, its size in SI, and the magnitude from which it is used, SI.
+/// Unit as text, its size in SI, and the SI magnitude from which it is used.
 type Unit = (&'static str, f64, f64);
 
-/// Largest first; the last serves everything below.
+/// Largest first; the last is used for everything smaller.
 const LENGTHS: &[Unit] = &[
     ("km", 1e3, 1e4),
     ("m", 1.0, 0.1),
@@ -41,33 +41,33 @@ const SIZES: &[Unit] = &[
     ("bytes", 1.0, 0.0),
 ];
 
-/// A length: `0.2408 m`, `3.893 mm`, `12.5 km`. Metres up to ten thousand, in which places are told.
+/// Length, such as `0.2408 m`, `3.893 mm`, `12.5 km`. Up to ten thousand metres in metres, as positions are given.
 pub fn metres(value_m: f64) -> String {
     quantity(value_m, 4, 1e-10, LENGTHS)
 }
 
-/// A frequency to six digits: `9.6 GHz`, `622.36 MHz`.
+/// Frequency with six digits, such as `9.6 GHz`, `622.36 MHz`.
 pub fn hertz(value_hz: f64) -> String {
     quantity(value_hz, 6, 1e-6, FREQUENCIES)
 }
 
-/// A time: `1 ms`, `2.531 s`.
+/// Time, such as `1 ms`, `2.531 s`.
 pub fn seconds(value_s: f64) -> String {
     quantity(value_s, 4, 1e-14, TIMES)
 }
 
-/// A speed: `125 m/s`, `20 mm/s`.
+/// Speed, such as `125 m/s`, `20 mm/s`.
 pub fn metres_per_second(value_m_s: f64) -> String {
     quantity(value_m_s, 4, 1e-7, SPEEDS)
 }
 
-/// An angle to four digits, and to a ten-thousandth at most: `-12.35 deg`, `0.0312 deg`.
+/// Angle with four digits, at most to a ten-thousandth: `-12.35 deg`, `0.0312 deg`.
 pub fn degrees(value_deg: f64) -> String {
     let rounded = (value_deg * 1e4).round() / 1e4;
     format!("{} deg", significant(rounded, 4))
 }
 
-/// An amount of memory, powers of 1024: `512 bytes`, `1.2 GiB`.
+/// Amount of memory in powers of 1024: `512 bytes`, `1.2 GiB`.
 pub fn bytes(count: u128) -> String {
     let value = count as f64;
     let &(unit, size, _) = unit_of(value, SIZES);
@@ -77,14 +77,13 @@ pub fn bytes(count: u128) -> String {
     }
 }
 
-/// A plain number of so many significant digits, without zeros behind the point that say nothing; far from 1 with
-/// an exponent.
+/// Plain number with the given number of significant digits, without trailing zeros; with an exponent if far from 1.
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return "not finite".to_owned();
     }
     let digits = digits.max(1);
-    // Rounded first: 9.9999 to three digits is 10.0 and has its digits there.
+    // Round first: 9.9999 with three digits is 10.0, which changes the number of decimals.
     let scientific = format!("{value:.*e}", digits - 1);
     let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let exponent: i64 = exponent.parse().unwrap_or(0);
@@ -99,13 +98,13 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
-/// The value in the unit that suits; zero if it is below `least`.
+/// Value in a suitable unit; zero if below `least`.
 fn quantity(value: f64, digits: usize, least: f64, units: &[Unit]) -> String {
     if !value.is_finite() {
         return "not finite".to_owned();
     }
     if value.abs() < least {
-        // Without a prefix, whatever the largest unit is.
+        // Plain unit, whatever the largest unit is.
         let plain = units.iter().find(|unit| unit.1 == 1.0).unwrap_or(&units[0]);
         return format!("0 {}", plain.0);
     }
@@ -114,7 +113,7 @@ fn quantity(value: f64, digits: usize, least: f64, units: &[Unit]) -> String {
 }
 
 fn unit_of(value: f64, units: &[Unit]) -> &Unit {
-    // By a hair more than the value, so that 0.99999999 GHz, which rounds to 1, is not 1000 MHz.
+    // Slightly larger than the value, so that 0.99999999 GHz is shown as 1 GHz and not as 1000 MHz.
     let magnitude = value.abs() * (1.0 + 5e-7);
     let last = &units[units.len() - 1];
     units
@@ -135,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn digits_are_those_that_matter() {
+    fn significant_digits_are_kept_and_trailing_zeros_omitted() {
         for (value, text) in [
             (0.0, "0"),
             (-0.0, "0"),
@@ -152,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_have_the_prefix_that_suits() {
+    fn lengths_have_suitable_prefix() {
         for (value, text) in [
             (0.003_893_4, "3.893 mm"),
             (-1e-17, "0 m"),
@@ -169,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn other_quantities_too() {
+    fn other_quantities_have_suitable_prefix() {
         assert_eq!(hertz(6_000_000.0), "6 MHz");
         assert_eq!(hertz(9.6e9), "9.6 GHz");
         assert_eq!(hertz(622.36e6), "622.36 MHz");

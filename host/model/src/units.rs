@@ -1,9 +1,9 @@
-//! Quantities as text: a number and a unit, the dimension checked.
+//! Quantities as text: a number with a unit of the expected dimension.
 //!
-//! `"10 GHz"`, `"1 ms"`, `"-20 dB"`. Several of one dimension are parted by commas, and a number without
-//! a unit takes the one to its right: `"0, -5, 3 km"` is `"0 km, -5 km, 3 km"`. Values are handed on in
-//! SI units, angles in radians; powers in `dBm`, `dBW` and cross sections in `dBsm` become watts and
-//! square metres, plain decibels stay decibels.
+//! Examples: `"10 GHz"`, `"1 ms"`, `"-20 dB"`. Several quantities of one dimension are separated by commas, and a
+//! number without a unit has the unit to its right: `"0, -5, 3 km"` is `"0 km, -5 km, 3 km"`. Values are returned in
+//! SI units, angles in radians; powers in `dBm`, `dBW` and cross sections in `dBsm` become watts and square metres,
+//! plain decibels remain decibels.
 
 use crate::nearest::nearest;
 
@@ -16,21 +16,21 @@ pub enum Dimension {
     Time,
     /// Hertz.
     Frequency,
-    /// Metres a second.
+    /// Metres per second.
     Speed,
-    /// Hertz a second.
+    /// Hertz per second.
     SweepRate,
-    /// Metres a second squared.
+    /// Metres per second squared.
     Acceleration,
     /// Radians.
     Angle,
-    /// Radians a second.
+    /// Radians per second.
     AngularRate,
     /// Decibels.
     Level,
-    /// Decibels over an isotropic antenna.
+    /// Decibels relative to an isotropic antenna.
     Gain,
-    /// Decibels below the carrier in a hertz.
+    /// Decibels relative to the carrier per hertz.
     PhaseNoise,
     /// Watts.
     Power,
@@ -38,22 +38,22 @@ pub enum Dimension {
     Temperature,
     /// Square metres.
     CrossSection,
-    /// A number.
+    /// Plain number.
     Ratio,
 }
 
-/// From a number with a unit to SI.
+/// Conversion from a number with a unit to SI.
 #[derive(Clone, Copy, Debug)]
 enum Scale {
-    /// Times this.
+    /// Multiplication by this factor.
     Linear(f64),
-    /// `10^(x / 10)` times this.
+    /// `10^(x / 10)` times this factor.
     Decibel(f64),
 }
 
 use Scale::{Decibel, Linear};
 
-/// Every dimension with its name, an example, its largest sensible magnitude in SI, and its units.
+/// Dimension with its name, an example, its largest sensible magnitude in SI, and its units.
 type Row = (
     Dimension,
     &'static str,
@@ -231,24 +231,24 @@ impl Dimension {
             .expect("every dimension is in the table")
     }
 
-    /// With its article: `a length`.
+    /// Name with its article: `a length`.
     pub fn name(self) -> &'static str {
         self.row().1
     }
 
-    /// A quantity of it, as it is written.
+    /// Example of a quantity.
     pub fn example(self) -> &'static str {
         self.row().2
     }
 
-    /// Its units: `m, km, cm`.
+    /// Units, such as `m, km, cm`.
     pub fn units(self) -> String {
         let units = self.row().4.iter().map(|&(unit, _)| unit);
         let named: Vec<&str> = units.filter(|unit| !unit.is_empty()).collect();
         named.join(", ")
     }
 
-    /// The quantity `text`, in SI units.
+    /// Parse the quantity `text` into SI units.
     ///
     /// # Errors
     /// Description of the fault and of the expected form.
@@ -256,7 +256,7 @@ impl Dimension {
         Ok(self.parse_list(text, 1)?[0])
     }
 
-    /// `count` quantities of one dimension, parted by commas, in SI units.
+    /// Parse `count` quantities of one dimension, separated by commas, into SI units.
     ///
     /// # Errors
     /// Description of the fault and of the expected form.
@@ -265,21 +265,21 @@ impl Dimension {
     }
 }
 
-/// Quantities parted by commas, of the dimensions given, in SI units.
+/// Parse quantities of the given dimensions, separated by commas, into SI units.
 pub fn parse_row(text: &str, dimensions: &[Dimension]) -> Result<Vec<f64>, String> {
     let parts: Vec<&str> = text.split(',').collect();
     if parts.len() != dimensions.len() {
         return Err(format!(
-            "'{text}' holds {}: write {}",
+            "'{text}': expected {1}, found {0}",
             match parts.len() {
                 1 => "one quantity".to_owned(),
-                n => format!("{n} quantities, parted by commas"),
+                n => format!("{n} quantities separated by commas"),
             },
             example_row(dimensions)
         ));
     }
     let mut values = vec![0.0; parts.len()];
-    // The unit to the right, for those that have none.
+    // Unit to the right, for numbers without a unit.
     let mut right: Option<(Dimension, String)> = None;
     for ((value, part), &dimension) in values.iter_mut().zip(&parts).zip(dimensions).rev() {
         let (number, unit) = split(part.trim(), dimension)?;
@@ -293,18 +293,18 @@ pub fn parse_row(text: &str, dimensions: &[Dimension]) -> Result<Vec<f64>, Strin
     Ok(values)
 }
 
-/// How a row of these dimensions is written.
+/// Example of a row of these dimensions.
 pub fn example_row(dimensions: &[Dimension]) -> String {
     let examples: Vec<&str> = dimensions.iter().map(|d| d.example()).collect();
     format!("\"{}\"", examples.join(", "))
 }
 
-/// A number and the unit that follows, which may be none.
+/// Split into a number and its unit, which may be empty.
 fn split(text: &str, dimension: Dimension) -> Result<(f64, String), String> {
     let end = number_length(text);
     let number: f64 = text[..end].parse().map_err(|_| {
         format!(
-            "'{text}' does not begin with a number: write {}, for example \"{}\"",
+            "'{text}': expected a number, then a unit: write {}, for example \"{}\"",
             dimension.name(),
             dimension.example()
         )
@@ -317,7 +317,7 @@ fn split(text: &str, dimension: Dimension) -> Result<(f64, String), String> {
     ))
 }
 
-/// Bytes of the decimal number that `text` begins with. An `e` belongs to it only if digits follow.
+/// Length in bytes of the decimal number at the start of `text`. An `e` belongs to it only if digits follow.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |mut at: usize| {
@@ -354,7 +354,7 @@ fn to_si(number: f64, unit: &str, dimension: Dimension, text: &str) -> Result<f6
             .find(|row| row.4.iter().any(|(known, _)| *known == unit));
         if let Some(&(_, measured, ..)) = other {
             return Err(format!(
-                "'{text}' is {measured} and {name} is wanted: write it as \"{example}\""
+                "'{text}': expected {name}, found {measured}: write it as \"{example}\""
             ));
         }
         let meant = nearest(unit, units.iter().map(|&(known, _)| known))
@@ -373,17 +373,17 @@ fn to_si(number: f64, unit: &str, dimension: Dimension, text: &str) -> Result<f6
         Ok(value)
     } else {
         Err(format!(
-            "'{text}' is beyond anything sensible: write {name} such as \"{example}\""
+            "'{text}' is too large: write {name} such as \"{example}\""
         ))
     }
 }
 
-/// The ratio of powers that `db` is.
+/// Power ratio of `db`.
 pub fn power_of_db(db: f64) -> f64 {
     libm::pow(10.0, db / 10.0)
 }
 
-/// The ratio of amplitudes that `db` is.
+/// Amplitude ratio of `db`.
 pub fn amplitude_of_db(db: f64) -> f64 {
     power_of_db(db / 2.0)
 }
@@ -393,7 +393,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantities_are_read_in_si() {
+    fn quantities_are_converted_to_si() {
         for (text, dimension, expected) in [
             ("10 GHz", Dimension::Frequency, 10e9),
             ("1 ms", Dimension::Time, 1e-3),
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_takes_the_unit_to_its_right() {
+    fn number_without_unit_has_unit_to_its_right() {
         let km = Dimension::Length.parse_list("0, -5, 3 km", 3).unwrap();
         assert_eq!(km, [0.0, -5000.0, 3000.0]);
         let mixed = Dimension::Length.parse_list("1 m, 2, 3 km", 3).unwrap();
@@ -438,25 +438,25 @@ mod tests {
     fn errors_state_the_expected_unit() {
         for (text, dimension, part) in [
             ("5", Dimension::Length, "has no unit"),
-            ("five km", Dimension::Length, "does not begin with a number"),
-            ("", Dimension::Length, "does not begin with a number"),
-            ("nan m", Dimension::Length, "does not begin with a number"),
             (
-                "5 ms",
+                "five km",
                 Dimension::Length,
-                "is a time and a length is wanted",
+                "expected a number, then a unit",
             ),
+            ("", Dimension::Length, "expected a number, then a unit"),
+            ("nan m", Dimension::Length, "expected a number, then a unit"),
+            ("5 ms", Dimension::Length, "expected a length, found a time"),
             ("5 Ghz", Dimension::Frequency, "did you mean 'GHz'?"),
             (
                 "5 parsec",
                 Dimension::Length,
                 "is not known: units of a length",
             ),
-            ("1e300 m", Dimension::Length, "beyond anything sensible"),
-            ("1e999 m", Dimension::Length, "beyond anything sensible"),
-            ("9999 dBm", Dimension::Power, "beyond anything sensible"),
-            ("1 m, 2 m", Dimension::Length, "holds 2 quantities"),
-            ("1 kHz, 2", Dimension::Frequency, "holds 2 quantities"),
+            ("1e300 m", Dimension::Length, "is too large"),
+            ("1e999 m", Dimension::Length, "is too large"),
+            ("9999 dBm", Dimension::Power, "is too large"),
+            ("1 m, 2 m", Dimension::Length, "found 2 quantities"),
+            ("1 kHz, 2", Dimension::Frequency, "found 2 quantities"),
         ] {
             let error = dimension.parse(text).unwrap_err();
             assert!(error.contains(part), "{text}: {error}");

@@ -92,7 +92,7 @@ pub struct Ambiguity {
     pub dopplers_hz: Vec<f64>,
     /// Largest delay, samples.
     pub reach: usize,
-    /// Samples a second.
+    /// Sampling rate, hertz.
     pub rate_hz: f64,
     /// Magnitudes per Doppler shift, `2 reach + 1` delays each, ascending.
     pub magnitudes: Vec<f64>,

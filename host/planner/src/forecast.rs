@@ -7,7 +7,7 @@ use subaperture_focus::forecast::{Forecast, WorkSize, fewer, grow};
 use subaperture_focus::{BoundPolicy, Cost, FormError, ImageFormer, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
+use subaperture_model::phase_history::{PhaseHistory, PulseRange, Weights};
 use subaperture_signal::window::Window;
 
 /// Largest number of samples in the trial; reading more takes time itself.
@@ -61,13 +61,13 @@ pub fn forecast_of(
     };
     grow(&whole, task.monitor, |size| {
         let first = (all - size.pulses) / 2;
-        let part = Stretch::new(task.history, first..first + size.pulses);
+        let part = PulseRange::new(task.history, first..first + size.pulses);
         let grid = middle_of(task.grid, size.side);
-        let weights = match &task.weights.lit {
+        let weights = match &task.weights.illumination {
             None => Weights {
                 fast: task.weights.fast.clone(),
                 slow: task.weights.slow[part.pulses()].to_vec(),
-                lit: None,
+                illumination: None,
                 windows: None,
             },
             // The blocks of the part; windows take no time.

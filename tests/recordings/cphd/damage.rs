@@ -44,7 +44,7 @@ fn file_truncated_at_any_byte_is_an_error() {
         };
         let error = error.to_string();
         assert!(
-            error.contains("cut") || error.contains("empty") || error.contains("starts with"),
+            error.contains("cut") || error.contains("empty") || error.contains("at the start of"),
             "{len}: {error}"
         );
     }

@@ -66,7 +66,10 @@ fn integer_formats_are_scaled_and_vectors_without_signal_left_out() {
             expected[4..]
         );
         by_hand.amp_sf = Some([0.5, 3.0, 1e-300]);
-        assert_refused(&by_hand.bytes(), "vector 2: AmpSF is 1e-300");
+        assert_refused(
+            &by_hand.bytes(),
+            "vector 2: AmpSF: expected 1e-25 to 1e25 (float32 samples), found 1e-300",
+        );
         by_hand.amp_sf = Some([0.5, 3.0, 0.125]);
         by_hand.signal_pvp = Some([2, 0, 3]);
         assert_refused(&by_hand.bytes(), "SIGNAL is 0 in all of its 3 vectors");
@@ -236,8 +239,12 @@ fn faults_are_named() {
         let file = assemble("1.1.0", &xml.replace(from, to), &good.pvp(), &good.signal);
         assert_refused(&file, part);
     };
-    changed(">FX<", ">XF<", "CPHD/Global/DomainType: 'XF'");
-    changed("<SGN>-1", "<SGN>0", "CPHD/Global/SGN: '0'");
+    changed(
+        ">FX<",
+        ">XF<",
+        "CPHD/Global/DomainType: expected FX or TOA, found 'XF'",
+    );
+    changed("<SGN>-1", "<SGN>0", "found '0'");
     changed(
         ">CF8<",
         ">CF16<",
@@ -254,7 +261,7 @@ fn faults_are_named() {
         "<NumVectors>4",
         "does not fit the PVP block",
     );
-    changed("<NumVectors>3", "<NumVectors>-3", "NumVectors: '-3'");
+    changed("<NumVectors>3", "<NumVectors>-3", "found '-3'");
     changed("<NumSamples>4", "<NumSamples>0", "NumSamples: 0");
     changed(
         "<NumSamples>4",
@@ -287,23 +294,27 @@ fn faults_are_named() {
     changed(
         "<NumSamples>4",
         "<NumSamples><a/>4",
-        "NumSamples: holds more",
+        "NumSamples: expected a number",
     );
     changed(">160<", ">161<", "NumBytesPVP: 161");
     changed(">160<", ">18446744073709551608<", "NumBytesPVP: 1844");
     changed(
         "<RefChId>only",
         "<RefChId>other",
-        "CPHD/Channel/RefChId: no channel 'other'",
+        "CPHD/Channel/RefChId: unknown channel 'other'",
     );
     changed("<Y>1</Y>", "<Y>2</Y>", "not orthogonal unit vectors");
-    changed("<X>6378137</X>", "<X>1</X>", "not a place near the Earth");
+    changed(
+        "<X>6378137</X>",
+        "<X>1</X>",
+        "expected a position near the Earth",
+    );
     changed(
         "<X>6378137</X>",
         "<X>inf</X>",
-        "ECF/X: 'inf' is not a finite number",
+        "ECF/X: expected a finite number, found 'inf'",
     );
-    changed("<X>30</X>", "<X>-30</X>", "X1Y1 is not below X2Y2");
+    changed("<X>30</X>", "<X>-30</X>", "expected X1Y1 below X2Y2");
     changed("</CPHD>", "</CPHX>", "not well formed");
     changed(
         "<Global>",
@@ -318,20 +329,48 @@ fn faults_are_named() {
         pvp[at..at + 8].copy_from_slice(&value.to_be_bytes());
         assert_refused(&assemble("1.1.0", &xml, &pvp, &good.signal), part);
     };
-    spoiled(2, f64::NAN, "vector 1: TxTime is NaN");
-    spoiled(6, f64::INFINITY, "vector 1: TxPos is inf");
-    spoiled(9, f64::NAN, "vector 1: RcvPos is NaN");
-    spoiled(12, f64::NAN, "vector 1: SRPPos is NaN");
+    spoiled(
+        2,
+        f64::NAN,
+        "vector 1: TxTime: expected a finite number, found NaN",
+    );
+    spoiled(
+        6,
+        f64::INFINITY,
+        "vector 1: TxPos: expected a finite number, found inf",
+    );
+    spoiled(
+        9,
+        f64::NAN,
+        "vector 1: RcvPos: expected a finite number, found NaN",
+    );
+    spoiled(
+        12,
+        f64::NAN,
+        "vector 1: SRPPos: expected a finite number, found NaN",
+    );
     spoiled(4, 1e308, "vector 1: its transmitter at (");
     spoiled(7, 2e10, "vector 1: its receiver at (");
     spoiled(2, 1e300, "vector 1: its time 1e300 s");
     // Finite, but outside the range of any radar.
     spoiled(0, 5e245, "vector 1: expected a frequency from");
     spoiled(1, 5e245, "vector 1: expected a frequency step from");
-    spoiled(1, 0.0, "vector 1: SCSS is 0.0; only ascending");
-    spoiled(1, -1e6, "vector 1: SCSS is -1000000.0; only ascending");
-    spoiled(0, 0.0, "vector 1: SC0 is 0.0 Hz");
-    spoiled(14, 9e9, "vector 1: FX1 9000000000.0 Hz is not below FX2");
+    spoiled(
+        1,
+        0.0,
+        "vector 1: SCSS: expected a positive sample spacing, found 0.0",
+    );
+    spoiled(
+        1,
+        -1e6,
+        "vector 1: SCSS: expected a positive sample spacing, found -1000000.0",
+    );
+    spoiled(
+        0,
+        0.0,
+        "vector 1: SC0: expected a positive frequency, found 0.0 Hz",
+    );
+    spoiled(14, 9e9, "vector 1: FX1: expected a value below FX2");
 
     // A non-finite sample is reported by pulse and sample.
     let mut signal = vec![0; 96];
@@ -355,11 +394,11 @@ fn wrong_header_values_are_named() {
         [&good[..at], to.as_bytes(), &good[at + from.len()..]].concat()
     };
     assert_refused(b"", "the file is empty");
-    assert_refused(b"MATLAB 5.0 MAT-file", "starts with 'CPHD/1.1.0'");
-    assert_refused(&text("CPHD/1.1.0", "CPHD/2.0.0"), "version '2.0.0'");
+    assert_refused(b"MATLAB 5.0 MAT-file", "expected 'CPHD/1.1.0' at the start");
+    assert_refused(&text("CPHD/1.1.0", "CPHD/2.0.0"), "found '2.0.0'");
     assert_refused(
         &text("PVP_BLOCK_SIZE", "PVP_BLICK_SIZE"),
-        "no PVP_BLOCK_SIZE",
+        "required key PVP_BLOCK_SIZE is missing",
     );
     assert_refused(
         &text(
@@ -370,7 +409,7 @@ fn wrong_header_values_are_named() {
     );
     assert_refused(
         &text("OFFSET := 512", "OFFSET := -12"),
-        "not a number of bytes",
+        "expected a number of bytes",
     );
     assert_refused(&text(" := 512", " : 512"), "is not 'KEY := value'");
     for size in ["99999999", "18446744073709551615", "4000000000000"] {
@@ -378,7 +417,7 @@ fn wrong_header_values_are_named() {
         let error = open_bytes(&lie).err().unwrap().to_string();
         // Beyond the end of the file, or beyond 64 bits.
         assert!(
-            error.contains("cut short") || error.contains("not a number"),
+            error.contains("cut short") || error.contains("expected a number of bytes"),
             "{error}"
         );
     }

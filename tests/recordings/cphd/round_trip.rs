@@ -148,7 +148,7 @@ fn channels_of_different_sizes_are_selected_by_name() {
         .unwrap()
         .to_string();
     assert!(
-        error.contains("no channel 'C'") && error.contains("A, B & b"),
+        error.contains("unknown channel 'C'") && error.contains("A, B & b"),
         "{error}"
     );
 }

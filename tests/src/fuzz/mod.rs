@@ -308,7 +308,7 @@ pub static TARGETS: [Target; 28] = [
 /// The target of this name.
 ///
 /// # Panics
-/// If there is no such target.
+/// Panics if there is no such target.
 pub fn target(name: &str) -> &'static Target {
     let found = TARGETS.iter().find(|target| target.name == name);
     found.unwrap_or_else(|| panic!("there is no fuzz target '{name}'"))

@@ -22,7 +22,7 @@ pub(crate) const PACKET: usize = 200;
 /// Number of packets that are buffered until samples are read.
 const ROOM: usize = 3;
 
-/// The error as UHD reports it.
+/// Error in UHD's words.
 fn thrown(error: RadioError) -> Fault {
     match error {
         RadioError::Gone(_) => (ERROR_USB, "USBError: LIBUSB_TRANSFER_NO_DEVICE".to_owned()),

@@ -1,4 +1,4 @@
-//! The functions of `uhd.h`.
+//! Functions of `uhd.h`.
 
 use std::ffi::{CStr, c_char, c_int, c_uint};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -94,7 +94,7 @@ const ALL: [Build<'static>; 28] = [
 /// Build all programs, except those for targets that are not installed.
 ///
 /// # Errors
-/// As [`try_build`].
+/// See [`try_build`].
 pub fn build_all() -> Result<(), String> {
     let refused = Build::example("panics", "no-panic");
     let all = ALL.iter().filter(|build| **build != refused);
@@ -190,7 +190,7 @@ fn copy_if_other(from: &Path, to: &Path) -> Result<(), String> {
 /// returns both paths.
 ///
 /// # Errors
-/// As [`try_build`].
+/// See [`try_build`].
 pub fn module() -> Result<[PathBuf; 2], String> {
     let place = target_folder().join("module");
     fs::create_dir_all(&place).map_err(|error| format!("{}: {error}", place.display()))?;

@@ -47,7 +47,7 @@ pub(crate) const OTHER_EMULATORS: [Need; 2] = [Need::QemuUser, Need::QemuRiscv];
 /// Amount of shown output of started programs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Talk {
-    /// All of it, while they run.
+    /// All output, while they run.
     Shown,
     /// Only that of failed programs, because another program's output is being shown.
     OfFailure,

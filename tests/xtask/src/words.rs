@@ -1,8 +1,9 @@
 //! Count of words and phrases that hide what a sentence means, held to a budget for each package.
 //!
-//! Words are counted in all text of a source or Markdown file: comments, strings and names, with names split at `_` and at capitals, so that
-//! `what_is_told`, `AsTold` and "as it is told" count alike. The budgets are in `words.json`. A count above its budget fails; `--lower` writes the
-//! counts of today where they are below the budget and never raises one. A low count is a floor: a reader must judge the sentences.
+//! Words are counted in all text of a source or Markdown file: comments, strings and names, with names split at `_`
+//! and at capitals, so that a name and a phrase with the same words count alike. The budgets are in `words.json`. A
+//! count above its budget fails; `--lower` writes today's counts where they are below the budget and never raises
+//! one. A low count is only a lower limit of quality: a reader must judge the sentences.
 
 use std::collections::BTreeMap;
 use std::fs;

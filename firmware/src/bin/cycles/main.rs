@@ -3,7 +3,6 @@
 //!
 //! Prints lines `name value` for the run, then `name length value` for single stages. Lines `loop ...` measure known
 //! instruction counts, to verify the meter.
-//! counts, show whether the meter can be trusted.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

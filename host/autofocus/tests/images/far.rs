@@ -10,7 +10,7 @@ use subaperture_focus::bp::Backprojection;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Silent;
-use subaperture_model::phase_history::{PhaseHistory, Stretch};
+use subaperture_model::phase_history::{PhaseHistory, PulseRange};
 use subaperture_signal::window::Window;
 
 use super::{Radar, Random, corrected, form, peak_db, sharpened};
@@ -137,7 +137,7 @@ fn focused_image_is_not_changed() {
         assert!((0.0..0.01).contains(&gained), "{}: {gained}", method.name());
     }
     // Short recordings, insufficient memory and invalid corrections are refused.
-    let short = Stretch::new(&history, 0..5);
+    let short = PulseRange::new(&history, 0..5);
     let subject = Subject {
         history: &short,
         grid: &grid,

@@ -82,7 +82,7 @@ impl Part {
             weights: Weights {
                 fast: spec.weights.fast.clone(),
                 slow: lit.slow(block).0.to_vec(),
-                lit: None,
+                illumination: None,
                 windows: None,
             },
         }

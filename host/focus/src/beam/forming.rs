@@ -10,7 +10,7 @@ use super::choices::{Choices, Part};
 use crate::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
 use subaperture_model::image::copy_common;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{BlockIllumination, Stretch};
+use subaperture_model::phase_history::{BlockIllumination, PulseRange};
 
 /// Approximate samples read at a time for the reference sum: 1 MiB.
 const BLOCK_SAMPLES: usize = 1 << 17;
@@ -59,7 +59,7 @@ impl<'a> InBlocks<'a> {
                 return Err(FormError::Cancelled);
             }
             let pulses = first..(first + block).min(count);
-            if work.history.at_hand(pulses.clone()).is_none() {
+            if work.history.samples_in_memory(pulses.clone()).is_none() {
                 held.resize(pulses.len() * width, Complex32::ZERO);
                 work.history.read(pulses, &mut held)?;
             }
@@ -90,7 +90,7 @@ impl Forming for InBlocks<'_> {
                 continue;
             };
             let part = Part::of(&self.spec, &self.lit, block);
-            let history = Stretch::new(work.history, self.lit.pulses(block));
+            let history = PulseRange::new(work.history, self.lit.pulses(block));
             let forming = self.former.open(part.spec(&self.spec), choices)?;
             let monitor = Share {
                 whole: work.monitor,

@@ -44,7 +44,7 @@ use crate::{Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{
-    BlockIllumination, Collection, PhaseHistory, Stretch, Weights,
+    BlockIllumination, Collection, PhaseHistory, PulseRange, Weights,
 };
 use subaperture_signal::window::Window;
 
@@ -121,7 +121,7 @@ impl ImageFormer for InBeam {
         crate::check(collection, grid)?;
         let lit = blocks::lit(&self.beam, collection, grid, slow)?;
         Ok(Weights {
-            lit: Some(Arc::new(lit)),
+            illumination: Some(Arc::new(lit)),
             ..Weights::new(collection, fast, slow)
         })
     }
@@ -171,7 +171,10 @@ fn check_sound(beam: &Beam) -> Result<(), FormError> {
 /// Illuminated blocks of weights made for a beam.
 fn lit_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
     let why = "the weights do not state which pulses see which pixels: a former in a beam needs those of ImageFormer::weights";
-    weights.lit.as_ref().ok_or_else(|| FormError::unsuited(why))
+    weights
+        .illumination
+        .as_ref()
+        .ok_or_else(|| FormError::unsuited(why))
 }
 
 /// Refuse beam weights for a former that uses all pulses for every pixel, and uniform weights for a former in a beam.
@@ -182,7 +185,7 @@ pub(crate) fn check<F: ImageFormer + ?Sized>(
     former: &F,
     weights: &Weights,
 ) -> Result<(), FormError> {
-    match (former.beam(), &weights.lit) {
+    match (former.beam(), &weights.illumination) {
         (Some(_), None) => lit_of(weights).map(drop),
         (None, Some(_)) => Err(FormError::unsuited(format!(
             "the weights are those of a beam, but {} forms every pixel from all pulses",
@@ -200,11 +203,11 @@ pub fn seeing<'a>(
     beam: &Beam,
     history: &'a dyn PhaseHistory,
     place_m: DVec3,
-) -> Result<Stretch<'a>, FormError> {
+) -> Result<PulseRange<'a>, FormError> {
     let collection = history.collection();
     let pulses = Track::of(collection, beam)?.seeing(beam, place_m)?;
     match pulses.is_empty() {
-        false => Ok(Stretch::new(history, pulses)),
+        false => Ok(PulseRange::new(history, pulses)),
         true => Err(blocks::unseen(beam, &collection.name)),
     }
 }
@@ -212,7 +215,7 @@ pub fn seeing<'a>(
 /// Whether all pulses illuminate every block, so that the beam excludes no pulse.
 pub fn sees_all(weights: &Weights) -> bool {
     weights
-        .lit
+        .illumination
         .as_ref()
         .is_some_and(|lit| all_see(lit, weights.slow.len()))
 }

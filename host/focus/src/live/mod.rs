@@ -112,7 +112,7 @@ impl Live {
             weights: Weights {
                 fast: settings.window.weights(num_samples),
                 slow: vec![1.0],
-                lit: None,
+                illumination: None,
                 windows: None,
             },
             shown: Sums::new(num_pixels, sampled.len()),

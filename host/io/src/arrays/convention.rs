@@ -1,4 +1,4 @@
-//! Sign and reference of the phase of arrays, as stated or by the sharpest of the images that the samples allow.
+//! Phase sign and reference of arrays: stated, or inferred from image sharpness.
 
 use std::path::Path;
 
@@ -23,10 +23,10 @@ pub(super) struct Settled {
     pub(super) warning: Option<String>,
 }
 
-/// Keys by which a user states both.
+/// Keys that state sign and reference.
 const STATE_BOTH: &str = "'sign' (-1 or 1), and 'reference_path_m' (0 for raw echoes) or 'reference_m' (the point that the phase is compensated to)";
 
-/// A sign and a reference.
+/// Phase sign and reference to compare.
 type Candidate = (PhaseSign, PhaseReference);
 
 impl Stated {
@@ -46,7 +46,7 @@ impl Stated {
         signs.into_iter().flat_map(of_sign).collect()
     }
 
-    /// The keys that are missing, in words.
+    /// Names of the missing keys, for messages.
     fn missing(&self) -> &'static str {
         match (self.sign, self.reference) {
             (None, None) => STATE_BOTH,
@@ -58,7 +58,7 @@ impl Stated {
     }
 }
 
-/// References that files which state none have.
+/// Common phase references, tried where the file states none: raw echoes, the origin, the centre of the extent.
 fn usual(collection: &Collection) -> Vec<PhaseReference> {
     let mut all = vec![PhaseReference::Raw, PhaseReference::Point(DVec3::ZERO)];
     if let Some(extent) = collection.extent {
@@ -71,7 +71,8 @@ fn usual(collection: &Collection) -> Vec<PhaseReference> {
     all
 }
 
-/// The convention of samples whose sign is as recorded. `collection` has the reference that is stated, if one is. An error says which keys to give.
+/// Determine the phase convention. `collection` has the stated reference, if any, and the recorded sign. Errors name
+/// the keys to give.
 pub(super) fn settle(
     path: &Path,
     (collection, samples): (&Collection, &[Complex32]),
@@ -86,14 +87,14 @@ pub(super) fn settle(
     };
     if let Some((sign, reference)) = stated.known() {
         let convention = PhaseConvention::stated(sign, reference);
-        // An unusual geometry has nothing to check by: what is stated stands.
+        // Where the geometry permits no inference, the stated convention is used unchecked.
         let better = inference
             .and_then(|inference| probed.contradiction(inference, (sign, reference)).ok()?);
         return Ok(Settled {
             convention,
             warning: better.map(|((better_sign, better_reference), ratio_db)| {
                 format!(
-                    "{}: the phase is stated as sign {sign}, {reference}, but an image of a part is {ratio_db:.1} dB sharper with sign {better_sign}, \
+                    "{}: the phase is stated as sign {sign}, {reference}, but an image of some pulses is {ratio_db:.1} dB sharper with sign {better_sign}, \
                      {better_reference}: check 'sign', 'reference_path_m' and 'reference_m'",
                     path.display()
                 )
@@ -102,13 +103,17 @@ pub(super) fn settle(
     }
     let missing = stated.missing();
     let Some(inference) = inference else {
-        return Err(format!("the phase is not stated: give {missing}"));
+        return Err(format!(
+            "the phase convention is not stated: give {missing}"
+        ));
     };
     let candidates = stated.candidates(collection);
     let sharpness = (inference.plan)(collection)
         .and_then(|probe| probed.sharpness(inference, &probe, &candidates))
         .map_err(|why| {
-            format!("the phase is not stated, and no image can decide it ({why}): give {missing}")
+            format!(
+                "the phase convention is not stated and cannot be inferred ({why}): give {missing}"
+            )
         })?;
     match judge(&sharpness) {
         InferenceOutcome::Clear(best, _) => {
@@ -131,7 +136,7 @@ pub(super) fn settle(
     }
 }
 
-/// Which keys are to be given where some candidates are as good as each other.
+/// Error for candidates of about equal sharpness, with the keys to give.
 fn undecided(stated: Stated, candidates: &[Candidate], alike: &[usize]) -> String {
     let (sign, reference) = candidates[alike[0]];
     let signs = alike.iter().any(|&i| candidates[i].0 != sign);
@@ -144,13 +149,13 @@ fn undecided(stated: Stated, candidates: &[Candidate], alike: &[usize]) -> Strin
         reference: stated.reference.or((!references).then_some(reference)),
     };
     format!(
-        "the phase is not stated, and images are about equally sharp with {}: give {}",
+        "the phase convention is not stated, and images are about equally sharp with {}: give {}",
         listed.join("; "),
         needed.missing()
     )
 }
 
-/// Samples to be compared.
+/// Samples from which the convention is inferred.
 struct Probed<'a> {
     collection: &'a Collection,
     samples: &'a [Complex32],
@@ -158,7 +163,7 @@ struct Probed<'a> {
 }
 
 impl Probed<'_> {
-    /// The convention that is clearly sharper than the stated one, and by how much, dB.
+    /// Convention whose image is clearly sharper than with the stated one, and the sharpness ratio in dB.
     fn contradiction(
         &self,
         inference: &Inference,
@@ -192,7 +197,7 @@ impl Probed<'_> {
         candidates.iter().map(of).collect()
     }
 
-    /// The pulses and frequencies that are compared, by one candidate's convention.
+    /// Pulses and frequencies used for the comparison, in one candidate's convention.
     fn part(&self, probe: &Probe, (sign, reference): Candidate) -> Result<InMemory, String> {
         let width = self.collection.num_samples;
         let mut samples = Vec::with_capacity(probe.pulses.len() * probe.samples.len());

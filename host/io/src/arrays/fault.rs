@@ -1,6 +1,6 @@
 //! Errors of arrays of a phase history.
 
-/// Why arrays are no phase history.
+/// Reason why arrays are not a phase history.
 pub(super) enum Fault {
     /// Description of the fault, with the name of the array.
     Malformed(String),

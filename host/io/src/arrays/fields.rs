@@ -1,4 +1,4 @@
-//! Arrays by name as collections and their samples.
+//! Arrays by name, read as collections and samples.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +13,7 @@ use crate::npy::{Array, Values};
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Collection, PhaseReference, PhaseSign, Pulse, Sweep};
 
-/// All that are known.
+/// Names of all arrays that are read.
 const NAMES: [&str; 13] = [
     "samples",
     "frequency_hz",
@@ -30,7 +30,7 @@ const NAMES: [&str; 13] = [
     "extent_m",
 ];
 
-/// The arrays of a file, read one by one.
+/// Arrays of a file, read one by one.
 pub(super) struct Fields {
     source: Source,
     names: BTreeSet<String>,
@@ -56,9 +56,9 @@ impl Fields {
             .collect();
         if !names.contains("samples") {
             return Err(Fault::Malformed(format!(
-                "no phase history: it has no array 'samples', but {}; the arrays that are read are {}",
+                "not a phase history: expected an array 'samples', found {}; arrays that are read: {}",
                 match strange.as_slice() {
-                    [] => "none at all (of HDF5 those of the root group are read)".to_owned(),
+                    [] => "no arrays (of HDF5 only the root group is read)".to_owned(),
                     some => listed(some),
                 },
                 listed(&NAMES)
@@ -66,7 +66,7 @@ impl Fields {
         }
         if let [first, ..] = strange.as_slice() {
             return Err(Fault::Malformed(format!(
-                "expected arrays {}, found '{first}': correct its name, or begin it with _ if it is to be passed over",
+                "expected arrays {}, found '{first}': correct its name, or prefix it with _ to ignore it",
                 listed(&NAMES)
             )));
         }
@@ -89,18 +89,18 @@ impl Fields {
         Ok(self.source.array(name, self.left_bytes)?)
     }
 
-    /// Real, finite numbers of one of some shapes.
+    /// Real, finite numbers of one of the given shapes.
     fn real(&self, name: &str, shapes: &[&[usize]]) -> Result<Vec<f64>, Fault> {
         let array = self.array(name)?;
         let Values::Real(values) = array.values else {
             return Err(Fault::Malformed(format!(
-                "array '{name}' is complex; real numbers are expected"
+                "array '{name}': expected real numbers, found complex ones"
             )));
         };
         if !shapes.contains(&array.shape.as_slice()) {
             let wanted: Vec<String> = shapes.iter().map(|shape| shaped(shape)).collect();
             return Err(Fault::Malformed(format!(
-                "array '{name}' has shape {}; {} is expected",
+                "array '{name}': expected shape {1}, found {0}",
                 shaped(&array.shape),
                 wanted.join(" or ")
             )));
@@ -108,13 +108,13 @@ impl Fields {
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok(values),
             Some(i) => Err(Fault::Malformed(format!(
-                "array '{name}': value {i} is {}; it must be finite",
+                "array '{name}': expected finite values, found {} at index {i}",
                 values[i]
             ))),
         }
     }
 
-    /// Numbers of which there may be one for all of `count`.
+    /// Numbers given per pulse, or once for all `count` pulses.
     fn each(&self, name: &str, count: usize) -> Result<Vec<f64>, Fault> {
         let mut values = self.real(name, &[&[], &[1], &[count]])?;
         if let [one] = *values.as_slice() {
@@ -123,12 +123,13 @@ impl Fields {
         Ok(values)
     }
 
-    /// The samples, channel by channel.
+    /// Samples, one channel after another.
     fn samples(&mut self) -> Result<(Vec<Complex32>, Sizes), Fault> {
         let array = self.array("samples")?;
         let Values::Complex(values) = array.values else {
             return Err(Fault::Malformed(
-                "array 'samples' is real; complex numbers are expected: samples of frequencies, with their phase".to_owned(),
+                "array 'samples': expected complex frequency samples, found real numbers"
+                    .to_owned(),
             ));
         };
         let sizes = match *array.shape {
@@ -144,28 +145,28 @@ impl Fields {
             },
             _ => {
                 return Err(Fault::Malformed(format!(
-                    "array 'samples' has shape {}; pulses x frequencies, or channels x pulses x frequencies, is expected",
+                    "array 'samples': expected shape pulses x frequencies or channels x pulses x frequencies, found {}",
                     shaped(&array.shape)
                 )));
             }
         };
         if sizes.channels == 0 || sizes.pulses == 0 || sizes.frequencies < 2 {
             return Err(Fault::Malformed(format!(
-                "array 'samples' has shape {}: no image comes of fewer than 1 pulse of 2 frequencies",
+                "array 'samples': expected at least 1 pulse of 2 frequencies, found shape {}",
                 shaped(&array.shape)
             )));
         }
         let sample_bytes = size_of::<Complex32>() as u64 * values.len() as u64;
-        // Channels are taken out of the whole, which is freed thereafter.
+        // Several channels are copied out of the whole array, which is then freed.
         let copies = if sizes.channels > 1 { 2 } else { 1 };
         let pulses = (sizes.channels * sizes.pulses) as u64;
-        // Of each pulse what is kept, and the numbers read for it.
+        // Per pulse: the `Pulse` and the numbers read for it.
         let needed = copies * sample_bytes + pulses * (size_of::<Pulse>() as u64 + 16 * 8);
         self.left_bytes = self
             .memory_bytes
             .checked_sub(needed)
             .ok_or(Fault::Memory(needed))?;
-        // The remaining memory is for the other arrays; up to three of the widest are held at a time.
+        // The rest is for the other arrays. At most three of the widest are in memory at a time.
         self.left_bytes += pulses * 16 * 8;
         Ok((values, sizes))
     }
@@ -181,35 +182,36 @@ impl Fields {
         }
         if stepped {
             return Err(Fault::Malformed(
-                "both 'frequency_hz' and 'start_hz' or 'step_hz' are given: leave out one or the other".to_owned(),
+                "both 'frequency_hz' and 'start_hz' or 'step_hz' are given: remove one of them"
+                    .to_owned(),
             ));
         }
         let listed = self.real("frequency_hz", &[&[sizes.frequencies]])?;
         let (start_hz, step_hz) =
-            fit_line(&listed).map_err(|what| format!("array 'frequency_hz' {what}"))?;
+            fit_line(&listed).map_err(|what| format!("array 'frequency_hz': {what}"))?;
         Ok([start_hz, step_hz].map(|hz| vec![hz; sizes.pulses]))
     }
 
-    /// Places of every pulse of every channel.
+    /// Positions for every pulse of every channel.
     fn places(&self, name: &str, sizes: Sizes) -> Result<Vec<DVec3>, Fault> {
         let (channels, pulses) = (sizes.channels, sizes.pulses);
         let values = self.real(name, &[&[pulses, 3], &[channels, pulses, 3]])?;
         Ok(for_all_channels(places(&values), sizes))
     }
 
-    /// Of the transmitting and the receiving antenna.
+    /// Positions of the transmitting and the receiving antenna.
     fn antennas(&self, sizes: Sizes) -> Result<[Vec<DVec3>; 2], Fault> {
         let two = self.has("transmitter_m") || self.has("receiver_m");
         match (self.has("antenna_m"), two) {
             (true, true) => Err(Fault::Malformed(
-                "both 'antenna_m' and 'transmitter_m' or 'receiver_m' are given: leave out one or the other".to_owned(),
+                "both 'antenna_m' and 'transmitter_m' or 'receiver_m' are given: remove one of them".to_owned(),
             )),
             (true, false) => {
                 let both = self.places("antenna_m", sizes)?;
                 Ok([both.clone(), both])
             }
             (false, false) => Err(Fault::Malformed(
-                "where the antennas were is missing: 'antenna_m', or 'transmitter_m' and 'receiver_m'".to_owned(),
+                "antenna positions are missing: give 'antenna_m', or 'transmitter_m' and 'receiver_m'".to_owned(),
             )),
             (false, true) => Ok([
                 self.places("transmitter_m", sizes)?,
@@ -246,7 +248,7 @@ impl Fields {
         match sound {
             true => Ok(SceneFrame::east_north_up(&origin)),
             false => Err(Fault::Malformed(format!(
-                "array 'origin_deg_m' is {values:?}; latitude (-90 to 90) and longitude in degrees and a height in metres are expected"
+                "array 'origin_deg_m': expected latitude (-90 to 90) and longitude in degrees and height in metres, found {values:?}"
             ))),
         }
     }
@@ -258,7 +260,7 @@ impl Fields {
         let values = self.real("extent_m", &[&[4]])?;
         if !(values[0] < values[1] && values[2] < values[3]) {
             return Err(Fault::Malformed(format!(
-                "array 'extent_m' is {values:?}; least and greatest x, least and greatest y are expected"
+                "array 'extent_m': expected minimum and maximum x, minimum and maximum y, found {values:?}"
             )));
         }
         Ok(Some(Extent {
@@ -275,7 +277,7 @@ impl Fields {
             [-1.0] => Ok(Some(PhaseSign::Minus)),
             [1.0] => Ok(Some(PhaseSign::Plus)),
             ref other => Err(Fault::Malformed(format!(
-                "array 'sign' is {other:?}; -1 or 1 is expected"
+                "array 'sign': expected -1 or 1, found {other:?}"
             ))),
         }
     }
@@ -309,7 +311,7 @@ impl Parsed {
             false => None,
         };
         let reference = match (&paths, fields.has("reference_m")) {
-            // Paths of nothing: raw echoes, whatever the point.
+            // Zero paths without a reference point: raw echoes.
             (Some(paths), false) if paths.iter().all(|path| *path == 0.0) => {
                 Some(PhaseReference::Raw)
             }
@@ -328,7 +330,7 @@ impl Parsed {
         };
         if let Some(n) = times.as_ref().and_then(|times| falls_at(times)) {
             return Err(Fault::Malformed(format!(
-                "array 'time_s': pulse {n} is earlier than the one before; give pulses in the order of time"
+                "array 'time_s': pulse {n} is earlier than the previous one; sort the pulses by time"
             )));
         }
         let pulse = |c: usize, n: usize| {

@@ -1,8 +1,8 @@
-//! Data sets of the root group of an HDF5 file, as arrays.
+//! Data sets of the root group of an HDF5 file, read as arrays.
 //!
-//! Integers, floats of 16, 32 and 64 bits of either byte order, and complex numbers: a compound of two equal numbers, real part first, as h5py writes them
-//! of floats and satellites' products of halves and integers. Chunked and compressed
-//! (gzip, shuffle, LZF) or not, by the crate `hdf5-pure`.
+//! Read: integers; floats of 16, 32 and 64 bits in either byte order; complex numbers as compounds of two equal
+//! numbers, real part first (h5py writes them as floats, satellite products as half-precision floats or integers).
+//! Contiguous or chunked, compressed (gzip, shuffle, LZF) or not, by the crate `hdf5-pure`.
 
 use std::path::Path;
 
@@ -13,47 +13,47 @@ use num_complex::Complex32;
 
 use crate::npy::{Array, Range, Values, half};
 
-/// Bytes of a data set that are read at a time.
+/// Bytes of a data set read at a time.
 const PIECE_BYTES: u64 = 1 << 20;
 
-/// An open file.
+/// Open HDF5 file.
 pub(super) struct Hdf5(File);
 
 impl Hdf5 {
     pub(super) fn open(path: &Path) -> Result<Self, String> {
         let file = File::open_streaming(path);
         file.map(Self)
-            .map_err(|error| format!("not an HDF5 file that can be read: {error}"))
+            .map_err(|error| format!("unreadable HDF5 file: {error}"))
     }
 
-    /// The data sets there are.
+    /// Names of the data sets.
     pub(super) fn names(&self) -> Result<Vec<String>, String> {
         let names = self.0.root().datasets();
-        names.map_err(|error| format!("its root group cannot be read: {error}"))
+        names.map_err(|error| format!("HDF5 root group: {error}"))
     }
 
     /// Read a data set with at most `memory_bytes` of memory.
     pub(super) fn array(&self, name: &str, memory_bytes: u64) -> Result<Array, String> {
-        let told = |error: Error| format!("data set {name}: {error}");
-        let set = self.0.dataset(name).map_err(told)?;
-        let shape = set.shape().map_err(told)?;
+        let named = |error: Error| format!("data set {name}: {error}");
+        let set = self.0.dataset(name).map_err(named)?;
+        let shape = set.shape().map_err(named)?;
         let count = shape
             .iter()
             .try_fold(1u64, |product, &size| product.checked_mul(size.max(1)))
             .and_then(|product| usize::try_from(product).ok())
             .ok_or_else(|| {
-                format!("data set {name} has shape {shape:?}: no machine holds so many values")
+                format!("data set {name}: shape {shape:?} has more values than can be addressed")
             })?;
         let count = if shape.contains(&0) { 0 } else { count };
         let needed = 8 * count as u128;
         if needed > u128::from(memory_bytes) {
             return Err(format!(
-                "data set {name}: its {count} values need {needed} bytes of memory and {memory_bytes} are left: allow more memory"
+                "data set {name}: {count} values need {needed} bytes of memory, but {memory_bytes} are left: allow more memory"
             ));
         }
-        let kind = set.dtype().map_err(told)?;
+        let kind = set.dtype().map_err(named)?;
         let values = match &kind {
-            DType::Compound(_) => match pair(&set.datatype().map_err(told)?) {
+            DType::Compound(_) => match pair(&set.datatype().map_err(named)?) {
                 Some(parts) => {
                     let mut range = Range::default();
                     let mut values = Vec::new();
@@ -62,7 +62,7 @@ impl Hdf5 {
                         range.take(&[re, im]);
                         values.push(Complex32::new(re as f32, im as f32));
                     })
-                    .map_err(told)?;
+                    .map_err(named)?;
                     if let Some(what) = range.fault() {
                         return Err(format!("data set {name}: {what}"));
                     }
@@ -70,10 +70,10 @@ impl Hdf5 {
                 }
                 None => return Err(unsuited(name, &kind)),
             },
-            DType::Other(_) => match Part::of(&set.datatype().map_err(told)?, 0) {
+            DType::Other(_) => match Part::of(&set.datatype().map_err(named)?, 0) {
                 Some(part) => {
                     let mut values = Vec::new();
-                    rows(&set, &shape, |value| values.push(part.number(value))).map_err(told)?;
+                    rows(&set, &shape, |value| values.push(part.number(value))).map_err(named)?;
                     Values::Real(values)
                 }
                 None => return Err(unsuited(name, &kind)),
@@ -87,7 +87,7 @@ impl Hdf5 {
             | DType::U8
             | DType::U16
             | DType::U32
-            | DType::U64 => Values::Real(set.read_f64().map_err(told)?),
+            | DType::U64 => Values::Real(set.read_f64().map_err(named)?),
             _ => return Err(unsuited(name, &kind)),
         };
         let held = match &values {
@@ -96,7 +96,7 @@ impl Hdf5 {
         };
         if held != count {
             return Err(format!(
-                "data set {name} has {held} values and shape {shape:?}"
+                "data set {name}: expected {count} values of shape {shape:?}, found {held}"
             ));
         }
         Ok(Array {
@@ -108,11 +108,11 @@ impl Hdf5 {
 
 fn unsuited(name: &str, kind: &DType) -> String {
     format!(
-        "data set {name} holds {kind}; numbers are expected: integers, floats, or complex numbers as compounds of two equal ones"
+        "data set {name}: expected integers, floats, or compounds of two equal numbers (complex), found {kind}"
     )
 }
 
-/// A number within a value of a data set.
+/// Real number inside a stored value.
 #[derive(Clone, Copy)]
 struct Part {
     at: usize,
@@ -128,7 +128,7 @@ enum Kind {
     Unsigned,
 }
 
-/// Floats of 16 bits as IEEE 754 has them.
+/// IEEE 754 half precision.
 const HALF: FloatingPointLayout = FloatingPointLayout {
     bit_offset: 0,
     bit_precision: 16,
@@ -140,7 +140,7 @@ const HALF: FloatingPointLayout = FloatingPointLayout {
 };
 
 impl Part {
-    /// Of a type at a place, if it is a number that is read.
+    /// Number of type `datatype` at byte `at`. `None` if it is not a supported number.
     fn of(datatype: &Datatype, at: usize) -> Option<Self> {
         let (size, order, kind) = match datatype {
             Datatype::FloatingPoint {
@@ -187,7 +187,7 @@ impl Part {
         })
     }
 
-    /// The number in a value; NaN of one that is cut short.
+    /// Decode the number from a stored value. NaN if the value is truncated.
     fn number(&self, value: &[u8]) -> f64 {
         let mut own = [0; 8];
         let Some(bytes) = value.get(self.at..self.at + self.bytes) else {
@@ -211,7 +211,7 @@ impl Part {
     }
 }
 
-/// The two equal numbers of a compound, real part first.
+/// Real and imaginary part of a compound of two equal numbers.
 fn pair(datatype: &Datatype) -> Option<[Part; 2]> {
     let Datatype::Compound { size, members } = datatype else {
         return None;
@@ -229,7 +229,7 @@ fn pair(datatype: &Datatype) -> Option<[Part; 2]> {
     alike.then_some([first, second])
 }
 
-/// Hands the bytes of every value to `take`, some rows at a time.
+/// Pass the bytes of every value to `take`, a few rows at a time.
 fn rows(set: &Dataset, shape: &[u64], mut take: impl FnMut(&[u8])) -> Result<(), Error> {
     let size = set.datatype()?.type_size();
     let rows = shape.first().copied().unwrap_or(1);

@@ -28,14 +28,15 @@ use fault::Fault;
 /// Description of the files that [`open_channels`] reads.
 pub const SCHEMA: &str = include_str!("schema.md");
 
-/// Reads all channels of a file; their names are their numbers, from 1. No more than `memory_bytes` is held.
+/// Read all channels of a file, named by their numbers from 1, with at most `memory_bytes` of memory.
 ///
-/// Sign and reference of the phase are those that the arrays state. An unstated property is inferred by `inference` from the samples of the
-/// first channel, where one of the candidates is clearly the sharpest; the convention that was taken is
-/// [`PhaseHistory::phase_conventions`]. Without an inference an unstated property is an error.
+/// Phase sign and reference are those stated by the arrays. An unstated one is inferred by `inference` from the
+/// samples of the first channel, if one candidate is clearly the sharpest; [`PhaseHistory::phase_conventions`]
+/// returns the result. Without `inference` an unstated one is an error.
 ///
 /// # Errors
-/// [`ReadError::Io`]; [`ReadError::Malformed`], naming the array, that which states the phase too where it is missing and the samples do not decide; [`ReadError::NotFinite`]; [`ReadError::Memory`]; [`ReadError::Changed`].
+/// [`ReadError::Malformed`] names the array, also where the phase convention is neither stated nor inferable;
+/// [`ReadError::Io`]; [`ReadError::NotFinite`]; [`ReadError::Memory`]; [`ReadError::Changed`].
 pub fn open_channels(
     path: &Path,
     memory_bytes: u64,
@@ -91,7 +92,7 @@ pub fn open_channels(
     let settled = settled.map_err(malformed)?;
     let convention = settled.convention;
     for (c, (mut collection, mut samples)) in parsed.channels.into_iter().enumerate() {
-        // Here and not in `InMemory` alone, which knows no path.
+        // Checked here in addition to `InMemory`, so that the error names the path.
         check_finite(
             &path.display().to_string(),
             0,

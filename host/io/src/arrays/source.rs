@@ -1,4 +1,4 @@
-//! Files that hold arrays by name.
+//! Files of named arrays: NumPy archives and HDF5.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use subaperture_model::phase_history::ReadError;
 /// First bytes of a zip archive.
 const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
 
-/// One of them, open.
+/// Open file of named arrays.
 pub(super) enum Source {
     Archive(PathBuf),
     #[cfg(feature = "hdf5")]
@@ -33,7 +33,7 @@ impl Source {
         Err("not an archive of arrays (.npz)".to_owned())
     }
 
-    /// The arrays there are.
+    /// Names of the arrays.
     pub(super) fn names(&self) -> Result<Vec<String>, String> {
         match self {
             Self::Archive(path) => npy::names(path).map_err(without_path),

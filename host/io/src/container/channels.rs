@@ -1,4 +1,4 @@
-//! Channels of a CPHD or CRSD file: selection, opening and the arrays that they state.
+//! Channels of a CPHD or CRSD file: selection, opening and sizes of their arrays.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::{Block, Blocks, Element, MetadataError, SignalFormat, Source};
 use subaperture_model::phase_history::{ChannelError, PhaseHistory, ReadError, which_channel};
 
-/// Statements of a file about its channels.
+/// Channels stated by a file.
 pub(crate) struct Table<'f> {
     pub(crate) source: &'f Source,
     pub(crate) blocks: &'f Blocks,

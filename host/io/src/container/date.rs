@@ -43,7 +43,7 @@ mod tests {
     use super::nanoseconds;
 
     #[test]
-    fn dates_are_counted() {
+    fn dates_convert_to_nanoseconds() {
         // By hand: 1970 has 365 days; 2000 began 10957 days after it (30 years, 7 leap days); 1 March
         // 2000 lies 31 + 29 days on; 2024 began 24 years and 6 leap days after 2000.
         let day = 86_400_000_000_000;

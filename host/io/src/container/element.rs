@@ -101,8 +101,7 @@ impl<'a, 'i> Element<'a, 'i> {
         self.0.attribute(name)
     }
 
-    /// Text without white space around it. Comments and processing instructions are no part of
-    /// it, so it may come in several pieces.
+    /// Text without surrounding white space, comments and processing instructions.
     pub fn text(self) -> Cow<'a, str> {
         let mut pieces = self.0.children().filter(Node::is_text);
         let first = pieces.next().and_then(|n| n.text()).unwrap_or_default();
@@ -118,10 +117,10 @@ impl<'a, 'i> Element<'a, 'i> {
         self.optional(name).map(|e| e.text().into_owned())
     }
 
-    /// The text of an element that holds no other elements.
+    /// Text of an element without child elements.
     fn only_text(self) -> Result<Cow<'a, str>, MetadataError> {
         match self.elements().next() {
-            Some(_) => Err(self.fault("holds more than a number")),
+            Some(_) => Err(self.fault("expected a number, found child elements")),
             None => Ok(self.text()),
         }
     }
@@ -135,7 +134,7 @@ impl<'a, 'i> Element<'a, 'i> {
         text.parse::<f64>()
             .ok()
             .filter(|v| v.is_finite())
-            .ok_or_else(|| self.fault(format!("'{text}' is not a finite number")))
+            .ok_or_else(|| self.fault(format!("expected a finite number, found '{text}'")))
     }
 
     /// Number from 0 to 2^64 - 1.
@@ -144,8 +143,11 @@ impl<'a, 'i> Element<'a, 'i> {
     /// [`MetadataError`] if the text is not one.
     pub fn count(self) -> Result<u64, MetadataError> {
         let text = self.only_text()?;
-        text.parse()
-            .map_err(|_| self.fault(format!("'{text}' is not a count from 0 to 2^64 - 1")))
+        text.parse().map_err(|_| {
+            self.fault(format!(
+                "expected an integer from 0 to 2^64 - 1, found '{text}'"
+            ))
+        })
     }
 
     /// Vector of the children `X`, `Y` and `Z`.

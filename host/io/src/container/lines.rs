@@ -42,7 +42,7 @@ fn header_text<'h>(bytes: &'h [u8], format: &str, example: &str) -> Result<&'h s
     if !bytes.starts_with(format.as_bytes()) {
         let seen: Vec<u8> = bytes[..bytes.len().min(16)].to_vec();
         return Err(format!(
-            "byte 0: a {format} file starts with '{example}', this one with '{}'",
+            "byte 0: expected '{example}' at the start of a {format} file, found '{}'",
             seen.escape_ascii()
         ));
     }
@@ -124,9 +124,9 @@ impl<'h> Lines<'h> {
     fn number(&self, key: &str) -> Result<u64, String> {
         let text = self
             .value(key)
-            .ok_or_else(|| format!("header: no {key}; the file cannot be read without"))?;
+            .ok_or_else(|| format!("header: required key {key} is missing"))?;
         text.parse()
-            .map_err(|_| format!("header: {key} is '{text}', not a number of bytes"))
+            .map_err(|_| format!("header: {key}: expected a number of bytes, found '{text}'"))
     }
 
     /// Block of this name, which must lie between the header and the end of the file.

@@ -64,7 +64,7 @@ impl Field {
         };
         let found = node.child("Format")?;
         if found.text().trim_end_matches(';') != format.trim_end_matches(';') {
-            return Err(found.fault(format!("'{}' is not {format}", found.text())));
+            return Err(found.fault(format!("expected {format}, found '{}'", found.text())));
         }
         let offset = node.child("Offset")?;
         let word = offset.count()?;
@@ -92,10 +92,10 @@ pub(crate) struct Words<'b> {
 }
 
 impl Words<'_> {
-    /// An error about a parameter.
+    /// Error about a parameter.
     pub(crate) fn fault(&self, field: Field, what: impl std::fmt::Display) -> String {
         let Self { kind, index, .. } = self;
-        format!("{kind} {index}: {} {what}; repair or drop it", field.name)
+        format!("{kind} {index}: {}: {what}; repair or drop it", field.name)
     }
 
     fn word(&self, byte: usize) -> [u8; 8] {
@@ -114,7 +114,7 @@ impl Words<'_> {
         std::array::from_fn(|word| f64::from_be_bytes(self.word(field.byte + 8 * word)))
     }
 
-    /// An integer.
+    /// Integer.
     pub(crate) fn integer(&self, field: Field) -> i64 {
         i64::from_be_bytes(self.word(field.byte))
     }
@@ -124,7 +124,7 @@ impl Words<'_> {
         let value = f64::from_be_bytes(self.word(field.byte + 8 * word));
         match value.is_finite() {
             true => Ok(value),
-            false => Err(self.fault(field, format!("is {value}, not a finite number"))),
+            false => Err(self.fault(field, format!("expected a finite number, found {value}"))),
         }
     }
 

@@ -1,4 +1,4 @@
-//! An open file, read at given positions within the length found at opening.
+//! Open file with reads at given positions, checked against its length at opening.
 
 use std::fs::File;
 use std::io;
@@ -28,7 +28,7 @@ pub struct Source {
     path: PathBuf,
     len: u64,
     stamp: Stamp,
-    /// CRC-32 of the whole file, once computed.
+    /// CRC-32 of the whole file, computed on first use.
     checksum: OnceLock<u32>,
 }
 

@@ -19,11 +19,11 @@ use subaperture_signal::dense;
 
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::Pulse;
-use subaperture_model::radar::{Antenna, Carried, Pattern};
+use subaperture_model::radar::{Antenna, MountedAntennas, Pattern};
 
 /// Largest exponent of a direction cosine.
 const EXPONENT: usize = 16;
-/// Most coefficients of an axis over time.
+/// Maximum number of coefficients of an axis over time.
 const TERMS: usize = 6;
 /// Largest error of axes that counts as exact, radians.
 const EXACT_RAD: f64 = 1e-9;
@@ -42,7 +42,7 @@ const ZETA: [f64; 8] = [
     1.000_061_248_135_058_7,
     1.000_015_282_259_408_6,
 ];
-/// Where `sin(pi x) / (pi x)` is `1 / sqrt 2`.
+/// Positive solution of `sin(pi x) / (pi x) = 1 / sqrt 2`.
 const HALF_POWER: f64 = 0.442_946_470_689_452_3;
 
 /// Antennas of a channel, ready to be written.
@@ -58,7 +58,7 @@ pub(super) type AxisPolynomials = [[Vec<f64>; 3]; 2];
 impl<'a> Described<'a> {
     /// `None` if the axes do not follow polynomials of time.
     pub(super) fn new(
-        carried: &'a Carried,
+        carried: &'a MountedAntennas,
         frame: &SceneFrame,
         pulses: &[Pulse],
         freq_zero_hz: f64,
@@ -223,7 +223,7 @@ mod tests {
 
     /// The polynomials against `Antenna::amplitude`, which evaluates another formula.
     #[test]
-    fn gain_polynomials_follow_the_patterns_within_the_main_lobe() {
+    fn gain_polynomials_match_patterns_within_main_lobe() {
         let (azimuth_rad, elevation_rad) = (40f64.to_radians(), 60f64.to_radians());
         for pattern in [
             Pattern::Gaussian {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_are_fitted_with_as_few_coefficients_as_suffice() {
+    fn axes_are_fitted_with_fewest_sufficient_coefficients() {
         let times_s: Vec<f64> = (0..50).map(|n| 1000.0 + 0.1 * n as f64).collect();
         let still = vec![DVec3::X; 50];
         assert_eq!(fit(&times_s, &still, 1e-3).unwrap()[0].len(), 1);

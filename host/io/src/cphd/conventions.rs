@@ -49,7 +49,7 @@ pub enum Polarization {
     V,
     /// Horizontal.
     H,
-    /// Sometimes one, sometimes another.
+    /// Sequence of several polarisations.
     S,
     /// Elliptical.
     E,
@@ -57,7 +57,7 @@ pub enum Polarization {
     Rhc,
     /// Left-hand circular.
     Lhc,
-    /// Not known.
+    /// Unknown.
     #[default]
     Unspecified,
 }

@@ -42,7 +42,7 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> Result<Stri
         let srp_iac = coordinates.of(vector.srp_pos);
         reference_geometry::describe(w, vector, prepared.bistatic, srp_iac, prepared.dwell());
         antenna_write::describe(w, entries);
-        // By which a later run knows that it may replace the file.
+        // Marks the file as replaceable by later runs of this program.
         w.element("ProductInfo", "", |w| {
             w.text_with("Parameter", "name=\"Program\"", PROGRAM);
         });
@@ -73,7 +73,7 @@ fn collection_id(w: &mut Writer, entries: &[Entry], options: &WriteOptions) {
     });
 }
 
-/// Smallest and largest of a parameter over all channels.
+/// Minimum and maximum of a parameter over all channels.
 fn range(entries: &[Entry], parameter: fn(&pvp::Record) -> f64) -> (f64, f64) {
     let ranges = entries.iter().map(|e| e.prepared.range(parameter));
     ranges

@@ -22,7 +22,7 @@ impl Header {
     fn parse(bytes: &[u8], file_len: u64) -> Result<Self, String> {
         let lines = Lines::of(bytes, file_len, "CPHD", "CPHD/1.1.0")?;
         let version = version(lines.first)?;
-        // It is not read and may be empty, but it must lie within the file.
+        // The support block is not read and may be empty, but must lie within the file.
         let no_support = lines
             .value("SUPPORT_BLOCK_SIZE")
             .is_some_and(|s| s.parse() == Ok(0));
@@ -48,7 +48,7 @@ fn version(first_line: &str) -> Result<&str, String> {
     };
     if !(known("1.0") || known("1.1")) {
         return Err(format!(
-            "byte 5: version '{version}' is not one of those read here: 1.1.0 and 1.0.x"
+            "byte 5: expected version 1.1.0 or 1.0.x, found '{version}'"
         ));
     }
     Ok(version)
@@ -71,8 +71,7 @@ pub(super) struct Layout {
     pub(super) file_bytes: u64,
 }
 
-/// Places the blocks one after another, each on a multiple of 64 bytes. `None` if the file would have
-/// more than 2^63 bytes.
+/// Place the blocks one after another at multiples of 64 bytes. `None` if the file would exceed 2^63 bytes.
 pub(super) fn lay_out(sizes: &Sizes, classification: &str, release_info: &str) -> Option<Layout> {
     let after = |offset: u64, size: u64| {
         offset
@@ -80,8 +79,8 @@ pub(super) fn lay_out(sizes: &Sizes, classification: &str, release_info: &str) -
             .checked_next_multiple_of(64)
             .filter(|&end| end < 1 << 63)
     };
-    // The header's length depends on the digits of the offsets, and those on its length: begin
-    // short and repeat until nothing moves, which it must since offsets only grow.
+    // The length of the header depends on the digits of the offsets, and the offsets on that length. Start with the
+    // minimum and repeat until nothing changes; offsets only grow, so this ends.
     let mut xml_offset = 0;
     loop {
         let pvp_offset = after(xml_offset, sizes.xml.checked_add(SECTION_END.len() as u64)?)?;

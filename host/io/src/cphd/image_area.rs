@@ -1,8 +1,9 @@
 //! Image area coordinates of a file to be written: the scene frame on its reference surface.
 //!
-//! `Planar`: they are the scene's. `HAE`: x and y count increments of latitude and longitude, `uIAXLL` and `uIAYLL`, each as long as a metre at the
-//! IARP, and z is the height above the IARP's surface. The scene frame is then the tangent plane at the IARP, which the surface leaves by `d^2 / 12.8e6` m
-//! at a distance of `d` m.
+//! `Planar`: image area coordinates are scene coordinates. `HAE`: x and y count the increments of latitude and
+//! longitude `uIAXLL` and `uIAYLL`, each one metre long at the IARP, and z is the height above the IARP's surface.
+//! The scene frame is then the tangent plane at the IARP. At a distance of `d` m the surface is `d^2 / 12.8e6` m
+//! below it.
 
 use glam::DVec3;
 
@@ -11,14 +12,14 @@ use super::write_options::WriteError;
 use crate::xml::Writer;
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 
-/// A scene's z axis farther than this from the vertical, radians, is no normal of an HAE surface: 6 m at the Earth's radius.
+/// Maximum angle between the scene's z axis and the vertical for an HAE surface, radians: 6 m at the Earth's radius.
 const UPRIGHT: f64 = 1e-6;
 
 /// Coordinates on a surface about the IARP.
 pub(super) struct ImageAreaCoordinates {
     frame: SceneFrame,
     iarp: Geodetic,
-    /// Increments of latitude and longitude, radians a metre, along x and y; none on a plane.
+    /// Increments of latitude and longitude, radians per metre along x and y. `None` on a plane.
     increments: Option<[[f64; 2]; 2]>,
 }
 
@@ -58,7 +59,7 @@ impl ImageAreaCoordinates {
         })
     }
 
-    /// The place of the surface at these coordinates.
+    /// Position on the surface at these coordinates.
     pub(super) fn place(&self, x_m: f64, y_m: f64) -> Geodetic {
         match self.increments {
             None => Geodetic::from_ecf_m(self.frame.to_ecf_m(DVec3::new(x_m, y_m, 0.0))),

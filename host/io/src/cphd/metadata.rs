@@ -1,4 +1,4 @@
-//! Metadata of the XML block that image formation and its record need.
+//! Metadata of the XML block needed by image formation and its record.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Beam, Channel, NoBeam, Pulse};
 
-/// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
+/// Surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for either.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReferenceSurface {
     /// The plane of `uIAX` and `uIAY` through the IARP.
@@ -25,7 +25,7 @@ pub enum ReferenceSurface {
     Hae,
 }
 
-/// One channel, as listed in the XML.
+/// Channel as listed in the XML.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelInfo {
     /// `Identifier`.
@@ -58,15 +58,15 @@ impl ChannelInfo {
     }
 }
 
-/// The metadata of a CPHD file. Text is as in the file; what the standard requires but image
-/// formation can do without is optional.
+/// Metadata of a CPHD file. Text is as in the file. Elements that the standard requires but image formation does not
+/// need are optional.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CphdInfo {
     /// Version, such as `1.1.0`.
     pub version: String,
     /// Radar platform.
     pub collector_name: Option<String>,
-    /// Transmitting platform, if another.
+    /// Transmitting platform, if it differs.
     pub illuminator_name: Option<String>,
     /// Name of the collection.
     pub core_name: Option<String>,
@@ -78,11 +78,11 @@ pub struct CphdInfo {
     pub mode_id: Option<String>,
     /// Classification banner.
     pub classification: Option<String>,
-    /// To whom the file may be given.
+    /// Release restrictions (`ReleaseInfo`).
     pub release_info: Option<String>,
-    /// Domain of the stored samples. Those delivered are always FX.
+    /// Domain of the stored samples. Samples are always delivered as FX.
     pub domain: Domain,
-    /// Sign of the stored samples. Those delivered have -1.
+    /// Sign of the stored samples. Samples are always delivered with -1.
     pub sgn: Sgn,
     /// Date and time to which all times refer, ISO 8601.
     pub collection_start: Option<String>,
@@ -113,8 +113,8 @@ pub struct CphdInfo {
 }
 
 impl CphdInfo {
-    /// Parses the XML block of a CPHD file, or an XML file of the same content. Where the per-vector
-    /// parameters lie is left to [`super::Cphd::open`] to check.
+    /// Parse the XML block of a CPHD file, or an XML file of the same content. The positions of per-vector parameters
+    /// are checked by [`super::Cphd::open`].
     ///
     /// # Errors
     /// [`MetadataError`] names the first element that is missing or wrong.
@@ -163,7 +163,7 @@ impl CphdInfo {
     }
 }
 
-/// The metadata and where each per-vector parameter lies.
+/// Metadata, and the positions of the per-vector parameters.
 pub(super) fn parse(
     xml: &str,
     memory_bytes: u64,
@@ -171,7 +171,7 @@ pub(super) fn parse(
     let document = container::parse(xml, memory_bytes)?;
     let root = Element::root(&document);
     if root.name() != "CPHD" {
-        return Err(root.fault("the root element of a CPHD file is CPHD"));
+        return Err(root.fault("expected the root element CPHD"));
     }
     let version = root.namespace().rsplit('/').next().unwrap_or_default();
 
@@ -234,7 +234,7 @@ fn domain(global: &Element) -> Result<Domain, MetadataError> {
     match &*domain.text() {
         "FX" => Ok(Domain::Fx),
         "TOA" => Ok(Domain::Toa),
-        other => Err(domain.fault(format!("'{other}' is neither FX nor TOA"))),
+        other => Err(domain.fault(format!("expected FX or TOA, found '{other}'"))),
     }
 }
 
@@ -243,7 +243,7 @@ fn sgn(global: &Element) -> Result<Sgn, MetadataError> {
     match &*sgn.text() {
         "-1" => Ok(Sgn::Minus),
         "+1" | "1" => Ok(Sgn::Plus),
-        other => Err(sgn.fault(format!("'{other}' is neither -1 nor +1"))),
+        other => Err(sgn.fault(format!("expected -1 or +1, found '{other}'"))),
     }
 }
 
@@ -255,7 +255,7 @@ fn channel_infos(data: Element, channel_node: Element) -> Result<Vec<ChannelInfo
         .map(|entry| channel_info(&entry, &parameters))
         .collect::<Result<_, _>>()?;
     if channels.is_empty() {
-        return Err(data.fault("no element Channel: the file holds no phase history"));
+        return Err(data.fault("no element Channel: the file contains no phase history"));
     }
     Ok(channels)
 }
@@ -289,8 +289,8 @@ fn channel_info(
     })
 }
 
-/// Axes further than this from orthonormal are an error; closer ones are taken as they are, so that
-/// a file written by this crate reads back to the same frame.
+/// Maximum deviation of the axes from orthonormal. Axes within it are used unchanged, so that a written file reads
+/// back to the same frame.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
 /// The scene frame of `SceneCoordinates`, the IARP and the kind of surface.
@@ -301,7 +301,7 @@ pub(crate) fn scene_frame(
     let origin = iarp_node.xyz()?;
     let iarp = Geodetic::from_ecf_m(origin);
     if !(iarp.latitude_deg.is_finite() && origin.length() > 1e6) {
-        return Err(iarp_node.fault("not a place near the Earth's surface"));
+        return Err(iarp_node.fault("expected a position near the Earth's surface"));
     }
     let surface = scene.child("ReferenceSurface")?;
     let (x, y, kind) = if let Some(planar) = surface.optional("Planar") {
@@ -311,7 +311,7 @@ pub(crate) fn scene_frame(
             .abs()
             .max((y.length() - 1.0).abs())
             .max(x.dot(y).abs());
-        // A NaN cannot be here: numbers are finite; but squares may overflow.
+        // Numbers are finite here, but their squares may overflow.
         if error.is_nan() || error > AXIS_TOLERANCE {
             return Err(planar.fault(format!(
                 "uIAX and uIAY are not orthogonal unit vectors (off by {error:.1e})"
@@ -327,11 +327,11 @@ pub(crate) fn scene_frame(
         let y = (along_y - x * x.dot(along_y)).normalize_or_zero();
         // Parallel axes leave rounding only, far from unit length before normalising.
         if x.cross(along_y).length() < AXIS_TOLERANCE || y == DVec3::ZERO {
-            return Err(hae.fault("uIAXLL and uIAYLL do not span a surface"));
+            return Err(hae.fault("uIAXLL and uIAYLL are parallel or zero"));
         }
         (x, y, ReferenceSurface::Hae)
     } else {
-        return Err(surface.fault("neither Planar nor HAE"));
+        return Err(surface.fault("expected Planar or HAE"));
     };
     let frame = SceneFrame::Earth {
         origin_ecf_m: origin,
@@ -351,6 +351,6 @@ pub(crate) fn image_area(area: &Element) -> Result<Extent, MetadataError> {
             y_m: (y1, y2),
         })
     } else {
-        Err(area.fault("X1Y1 is not below X2Y2 in both coordinates"))
+        Err(area.fault("expected X1Y1 below X2Y2 in both coordinates"))
     }
 }

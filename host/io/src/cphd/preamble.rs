@@ -10,7 +10,7 @@ use crate::container::{MetadataError, Source};
 use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::phase_history::ReadError;
 
-/// Header, metadata and where each per-vector parameter lies.
+/// Header, metadata and positions of the per-vector parameters.
 pub(super) struct Preamble {
     pub(super) header: Header,
     pub(super) info: CphdInfo,
@@ -18,8 +18,7 @@ pub(super) struct Preamble {
 }
 
 impl CphdInfo {
-    /// Read only the header and the XML of a CPHD file, of any size.
-    /// Whether its arrays can be read is left to [`super::Cphd::open`] to check.
+    /// Read only the header and the XML of a CPHD file of any size. The arrays are checked by [`super::Cphd::open`].
     ///
     /// # Errors
     /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CPHD, is cut short, or the XML lacks

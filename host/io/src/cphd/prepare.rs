@@ -1,5 +1,5 @@
-//! A collection as vectors of a CPHD channel: every check and every number that the file needs
-//! beside the samples.
+//! Conversion of a collection to vectors of a CPHD channel: all checks, and all numbers of the file except the
+//! samples.
 
 use glam::DVec3;
 
@@ -13,21 +13,21 @@ use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse};
 use subaperture_signal::fast_length::fast_length;
 
-/// The part of the unambiguous delay `1 / SCSS` that TOA1 to TOA2 take: an over-sampling of 1.25,
-/// where the standard wants 1.1 at the least.
+/// Fraction of the unambiguous delay `1 / SCSS` between TOA1 and TOA2: an oversampling of 1.25 (the standard requires
+/// at least 1.1).
 const SWATH: f64 = 0.8;
 
-/// Over-sampling of TOA samples at the least.
+/// Minimum oversampling of TOA samples.
 const TOA_OVERSAMPLING: f64 = 1.25;
 
-/// A reference path that differs by more from the one by way of the reference point moves the SRP,
-/// metres. Well above the rounding of ECF positions, far below any wavelength.
+/// Minimum deviation in metres of a reference path from that through the reference point for which the SRP is moved.
+/// Above the rounding of ECF positions, far below any wavelength.
 const PATH_TOLERANCE_M: f64 = 2e-8;
 
-/// A channel ready to be described and written.
+/// Channel ready to be described and written.
 pub(super) struct Prepared {
     pub(super) records: Vec<Record>,
-    /// Samples a vector as stored.
+    /// Samples per vector as stored.
     pub(super) stored_samples: usize,
     pub(super) bins: Bins,
     pub(super) bistatic: bool,
@@ -51,7 +51,7 @@ impl Prepared {
         let num_samples = collection.num_samples;
         if pulses.is_empty() || num_samples == 0 {
             return Err(unsuited(format!(
-                "{} pulses of {num_samples} samples: there is nothing to write",
+                "{} pulses of {num_samples} samples: expected at least one sample",
                 pulses.len()
             )));
         }
@@ -131,7 +131,7 @@ impl Prepared {
             })
     }
 
-    /// Centre and length of the time during which the scene is seen.
+    /// Centre and duration of the interval in which the scene is illuminated.
     pub(super) fn dwell(&self) -> (f64, f64) {
         let first = self.records[0].reference_time();
         let last = self.records[self.records.len() - 1].reference_time();
@@ -144,7 +144,7 @@ impl Prepared {
     }
 }
 
-/// The square within the circle that a swath up to `toa2` covers at any aspect, around the mean reference point.
+/// Square within the circle that a swath up to `toa2` covers at any aspect angle, around the mean reference point.
 fn covered_square(toa2: f64, pulses: &[Pulse]) -> Extent {
     let half_m = toa2 * SPEED_OF_LIGHT_M_S / 2.0 / std::f64::consts::SQRT_2;
     let first_m = pulses[0].reference_m;
@@ -157,7 +157,7 @@ fn covered_square(toa2: f64, pulses: &[Pulse]) -> Extent {
     }
 }
 
-/// The point of the scene that pulse `index` is compensated to, if there is one that a CPHD vector can name.
+/// Scene point that pulse `index` is compensated to. An error if a CPHD vector cannot represent it.
 fn reference_point(index: usize, pulse: &Pulse) -> Result<DVec3, String> {
     let reference_m = compensated_point(pulse).ok_or_else(|| {
         format!(
@@ -169,7 +169,7 @@ fn reference_point(index: usize, pulse: &Pulse) -> Result<DVec3, String> {
     if !pulse.sweep.is_at_once() && pulse.sweep.reference_m_s != Some(DVec3::ZERO) {
         return Err(format!(
             "the antennas move from sample to sample of pulse {index}, and its phases do not follow a \
-             reference point that stands still, as those of a CPHD vector do: refer them to a point"
+             stationary reference point, as required by CPHD: refer them to a point"
         ));
     }
     Ok(reference_m)
@@ -188,7 +188,7 @@ fn check_frame(frame: &SceneFrame) -> Result<(), String> {
                 .to_owned(),
         );
     };
-    // What the reader demands of a file.
+    // Conditions that the reader requires of a file.
     let unit = |v: &DVec3| (v.length() - 1.0).abs() <= 1e-6;
     if !(unit(x_axis_ecf) && unit(y_axis_ecf) && x_axis_ecf.dot(*y_axis_ecf).abs() <= 1e-6) {
         return Err(format!(
@@ -262,9 +262,9 @@ fn check_area(extent: Extent) -> Result<Extent, String> {
     }
 }
 
-/// The point to which a pulse is compensated: its reference point, or that moved along the bisector
-/// until its path is `reference_path_m`. CPHD knows no path apart from the SRP's. Newton's method;
-/// the path is convex along the line, and linear if transmitter and receiver coincide.
+/// Point that a pulse is compensated to: its reference point, or a point on the bisector through it whose path is
+/// `reference_path_m`, since CPHD has no path apart from the SRP's. Newton's method; the path is convex along the
+/// line, and linear if transmitter and receiver coincide.
 fn compensated_point(pulse: &Pulse) -> Option<DVec3> {
     let mut point = pulse.reference_m;
     let mut outward = None;
@@ -298,7 +298,7 @@ struct SampleAxis {
 
 fn sample_axis(pulse: &Pulse, count: usize, stored: usize, domain: Domain) -> SampleAxis {
     match domain {
-        // The band is that of the samples; a single one stands for a band of one step.
+        // The band is that of the samples. A single sample counts as a band of one step.
         Domain::Fx => SampleAxis {
             fx1: pulse.start_hz,
             fx2: pulse.frequency_hz((count - 1).max(1)),
@@ -321,8 +321,8 @@ fn sample_axis(pulse: &Pulse, count: usize, stored: usize, domain: Domain) -> Sa
     }
 }
 
-/// Velocities: those within sweeps, else by differences of positions, central but at the ends; aFDOP from them. A
-/// single vector without a sweep is at rest.
+/// Set the velocities: those of sweeps if given, otherwise central differences of the positions (one-sided at the
+/// ends). Set aFDOP from them. A single vector without a sweep has zero velocity.
 fn set_velocities(records: &mut [Record], pulses: &[Pulse], frame: &SceneFrame) {
     let last = records.len() - 1;
     let slope = |p: fn(&Record) -> (f64, DVec3), a: &Record, b: &Record| {

@@ -1,5 +1,4 @@
-//! Per-vector parameters: where each lies in a vector's record, read and written. 8-byte words, big
-//! endian.
+//! Per-vector parameters: positions in a vector's record, reading and writing. 8-byte words, big endian.
 
 use glam::DVec3;
 
@@ -9,10 +8,10 @@ use crate::container::record::{Field, INTEGER, POSITION, SCALAR, Words, record_w
 use crate::container::{Element, MetadataError};
 use crate::xml::Writer;
 
-/// Places of the parameters that this reader uses.
+/// Positions of the parameters that are read.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    /// Length of a record, bytes.
+    /// Length of a record in bytes.
     pub(super) num_bytes: u64,
     tx_time: Field,
     tx_pos: Field,
@@ -31,7 +30,7 @@ pub(super) struct Layout {
     pub(super) antennas: Result<AntennaFields, String>,
 }
 
-/// The parameters of one vector, every one of them finite.
+/// Parameters of one vector, all finite.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vector {
     pub(super) tx_time: f64,
@@ -104,8 +103,8 @@ impl Layout {
         self.true_antennas.is_some()
     }
 
-    /// Decodes vector `index` from its record of [`Self::num_bytes`]; `None` if it holds no echo: `SIGNAL` is other than 1. What else such a vector says
-    /// need not be sound.
+    /// Decode vector `index` from its record of [`Self::num_bytes`]. `None` if it contains no echo (`SIGNAL` other
+    /// than 1); its other parameters are then not checked.
     pub(super) fn decode(
         &self,
         index: u64,
@@ -132,7 +131,7 @@ impl Layout {
             rcv_pos: position(self.rcv_pos)?,
             srp_pos: position(self.srp_pos)?,
             sweep: match self.sweep {
-                // Zero says that it is not given, NaN that it is not known.
+                // Zero means not given, NaN means unknown.
                 Some((velocities, rate)) => {
                     let rate = record.number(rate);
                     if rate.is_finite() && rate != 0.0 {
@@ -157,22 +156,28 @@ impl Layout {
             },
         };
         if vector.scss <= 0.0 {
-            let what = format!("is {:?}; only ascending samples are read", vector.scss);
+            let what = format!(
+                "expected a positive sample spacing, found {:?}",
+                vector.scss
+            );
             return Err(fault(self.scss, what));
         }
         if domain == Domain::Fx && vector.sc0 <= 0.0 {
-            let what = format!("is {:?} Hz; frequencies are positive", vector.sc0);
+            let what = format!("expected a positive frequency, found {:?} Hz", vector.sc0);
             return Err(fault(self.sc0, what));
         }
         if vector.fx1 >= vector.fx2 {
-            let what = format!("{:?} Hz is not below FX2 {:?} Hz", vector.fx1, vector.fx2);
+            let what = format!(
+                "expected a value below FX2, {1:?} Hz, found {0:?} Hz",
+                vector.fx1, vector.fx2
+            );
             return Err(fault(self.fx1, what));
         }
         Ok(Some(vector))
     }
 }
 
-/// All parameters of a vector to be written.
+/// All parameters of a vector to write.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
     pub(super) tx_time: f64,
@@ -183,8 +188,8 @@ pub(super) struct Record {
     pub(super) rcv_vel: DVec3,
     pub(super) srp_pos: DVec3,
     pub(super) a_fdop: f64,
-    /// `2 / (c rate)` of a sweep's rate, hertz a second; 0 if samples are taken at once. aFRR1 is that times the
-    /// band's middle.
+    /// `2 / (c rate)` for a sweep rate in hertz per second; 0 if samples are simultaneous. aFRR1 is this times the
+    /// centre frequency.
     pub(super) a_frr2: f64,
     pub(super) fx1: f64,
     pub(super) fx2: f64,
@@ -196,7 +201,7 @@ pub(super) struct Record {
     pub(super) true_antennas: Option<[DVec3; 2]>,
 }
 
-/// Parameters in the order in which they are written.
+/// Parameters in writing order.
 const WRITTEN: [(&str, &str); 18] = [
     ("TxTime", SCALAR),
     ("TxPos", POSITION),
@@ -225,9 +230,8 @@ pub(super) const fn record_bytes(with_truth: bool) -> u64 {
 }
 
 impl Record {
-    /// Appends [`record_bytes`]. Where samples are taken at once, aFRR1 and aFRR2 are zero for
-    /// all vectors, which says that they are not given; TDTropoSRP is zero: propagation as in
-    /// vacuum; SIGNAL is 1: normal signal.
+    /// Append a record of [`record_bytes`]. aFRR1 and aFRR2 are zero (not given) for all vectors with simultaneous
+    /// samples; TDTropoSRP is zero (vacuum); SIGNAL is 1 (normal signal).
     pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
         let mut put = |values: &[f64]| {
             for value in values {

@@ -1,4 +1,4 @@
-//! CPHD files as phase history, read on demand.
+//! Phase history from CPHD files, read on demand.
 
 use std::ops::Range;
 use std::path::Path;
@@ -24,47 +24,46 @@ use subaperture_model::phase_history::{
     PhaseSign, Pulse, ReadError, check_finite, misplaced, named_pulses,
 };
 
-/// Most memory held per vector in addition to its [`Pulse`], bytes: AmpSF, a shift, and a spare byte.
+/// Maximum memory per vector in addition to its [`Pulse`] in bytes: AmpSF, a shift, and a spare byte.
 const KEPT_BYTES: u64 = 8 + 8 + 1;
 
-/// Bytes a sample of the plan that transforms a TOA vector, and of one vector being transformed: up
-/// to eight complex float64 each where the length has large prime factors.
+/// Bytes per sample for the transform of TOA vectors: the plan and one vector being transformed, up to eight complex
+/// float64 each if the length has large prime factors.
 const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 
 /// One channel of a CPHD file.
 ///
-/// Opening reads the header, the XML and the channel's PVP; samples are read when asked for, by
-/// positioned reads of at most 1 MiB (or one vector in the TOA domain), so one `Cphd` can
-/// be read from many threads. Memory: the [`Collection`], up to 17 bytes a
-/// vector, 48 more with true positions, and in the TOA
-/// domain the plan of the transform, about 256 bytes for each sample of one vector.
+/// Opening reads the header, the XML and the channel's PVP. Samples are read on demand by positioned reads of at most
+/// 1 MiB (or one vector in the TOA domain), so several threads can read from one `Cphd`. Memory: the [`Collection`],
+/// up to 17 bytes per vector, 48 more with true positions, and in the TOA domain the transform plan, about 256 bytes
+/// per sample of one vector.
 ///
-/// - Samples are `AmpSF` times the stored value where there is an `AmpSF`. Vectors whose `SIGNAL` is other than 1 (no
-///   signal, noise, calibration) are left out, so that a unit scatterer reads 1; so are vectors at whose positions no
-///   vehicle can be ([`misplaced`]). [`PhaseHistory::warnings`] names both.
-/// - TOA vectors of `N` samples are delivered at the frequencies `fx_C + m / (N SCSS)`,
-///   `fx_C = (FX1 + FX2) / 2`, with integer `m` such that `FX1 <= f < FX2`: as many as the band is
-///   wide in steps of `1 / (N SCSS)`, which must be the same number in every vector. The transform
-///   is in float64 and exact but for the float32 of the stored samples.
+/// - Samples are `AmpSF` times the stored value if there is an `AmpSF`. Vectors whose `SIGNAL` is other than 1 (no
+///   signal, noise, calibration) are left out, so that a unit scatterer has the value 1. Vectors at impossible
+///   positions ([`misplaced`]) are left out as well. [`PhaseHistory::warnings`] reports both.
+/// - TOA vectors of `N` samples are delivered at the frequencies `fx_C + m / (N SCSS)`, `fx_C = (FX1 + FX2) / 2`, for
+///   the integers `m` with `FX1 <= f < FX2`. Their number must be the same for every vector. The transform is in
+///   float64 and adds no error to that of the stored float32 samples.
 /// - `SGN = +1` samples are conjugated.
 /// - Added parameters `TxPosTrue` and `RcvPosTrue`, as [`write`](super::write()) makes them, are the
 ///   true positions of the antennas.
-/// - Where `aFRR2` is given, samples were taken one after another, at a rate of `2 / (c aFRR2)` hertz a second
-///   ([`Sweep`](subaperture_model::phase_history::Sweep)); velocities are `TxVel` and `RcvVel`, accelerations the slope of these from vector to vector.
-/// - `reference_path_m` is the path through `SRPPos`, computed from the stored positions: their rounding (1e-9 m
-///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
-///   for the atmosphere.
+/// - If `aFRR2` is given, samples were taken one after another at a rate of `2 / (c aFRR2)` hertz per second
+///   ([`Sweep`](subaperture_model::phase_history::Sweep)). Velocities are `TxVel` and `RcvVel`; accelerations are the
+///   slopes of these from vector to vector.
+/// - `reference_path_m` is the path through `SRPPos`, computed from the stored positions. Their rounding (1e-9 m as
+///   float64 in ECF, more if they were once float32) cancels in path differences. The [module](super) documentation
+///   describes the atmosphere.
 pub struct Cphd {
     container: Arc<Container>,
     channel: usize,
     collection: Collection,
-    /// Where the channel's samples begin.
+    /// Offset of the channel's samples in the file.
     signal_offset: u64,
-    /// Samples a vector as stored.
+    /// Samples per vector as stored.
     stored_samples: usize,
     /// AmpSF of every vector, if the file has it.
     amp_sf: Option<Vec<f64>>,
-    /// Vectors of the file that are left out.
+    /// Vectors of the file that were left out.
     missing: Missing,
     /// Warnings about omitted vectors, one sentence each.
     warnings: Vec<String>,
@@ -117,7 +116,7 @@ impl ChannelFile for Container {
     }
 }
 
-/// Plan of the transform from TOA vectors to FX vectors.
+/// Transform plan from TOA to FX vectors.
 struct Arrival {
     bins: Bins,
     fft: Arc<dyn Fft<f64>>,
@@ -126,12 +125,12 @@ struct Arrival {
 }
 
 impl Cphd {
-    /// Opens channel `channel`, or the file's reference channel, holding at most `memory_bytes`.
+    /// Open channel `channel`, or the reference channel for `None`, with at most `memory_bytes` of memory.
     ///
     /// # Errors
-    /// [`ReadError::Io`] if the file cannot be read, [`ReadError::Malformed`] if it is not CPHD, is
-    /// cut short, lacks what is needed, or has no such channel; the text says where.
-    /// [`ReadError::Memory`] before more is taken than allowed.
+    /// [`ReadError::Malformed`] if the file is not CPHD, is truncated, lacks a required element or has no such
+    /// channel; the text states the position. [`ReadError::Io`]. [`ReadError::Memory`] before more memory is
+    /// allocated than allowed.
     pub fn open(
         path: impl AsRef<Path>,
         channel: Option<&str>,
@@ -146,8 +145,8 @@ impl Cphd {
         }
     }
 
-    /// Opens these channels, each by its identifier or its number from 1, or all, side by side: the file is opened once.
-    /// Together they hold at most `memory_bytes`.
+    /// Open several channels, each by its identifier or its number from 1, or all. The file is opened once. Together
+    /// the channels use at most `memory_bytes`.
     ///
     /// # Errors
     /// As [`Self::open`]; [`ReadError::Channels`] if the file has no such channel.
@@ -157,7 +156,7 @@ impl Cphd {
         memory_bytes: u64,
     ) -> Result<Vec<Self>, ReadError> {
         let mut opened: Vec<Self> = open_several(path.as_ref(), channels, memory_bytes)?;
-        // What is left out of one is left out of all, so that they stay side by side.
+        // A vector left out of one channel is left out of all, so that pulses still correspond.
         let vectors = |one: &Self| one.channel().num_vectors;
         let shared = opened
             .windows(2)
@@ -189,17 +188,17 @@ impl Cphd {
     }
 
     fn nothing_left(&self) -> ReadError {
-        let what = "no vector is left that holds an echo of the scene (SIGNAL) from where a vehicle can be, in all channels";
+        let what = "expected a vector with an echo of the scene (SIGNAL 1) and plausible positions in all channels, found no such vector";
         self.container.source.malformed(what)
     }
 
-    /// Numbers of vectors at whose positions no vehicle can be.
+    /// Numbers of the vectors at positions that no vehicle can have.
     fn misplaced(&self) -> Vec<usize> {
         let pulses = misplaced(&self.collection).into_iter().flatten();
         pulses.map(|pulse| self.missing.vector(pulse)).collect()
     }
 
-    /// Leaves out these vectors, which are misplaced in this channel or in another.
+    /// Leave out these vectors, which are misplaced in this or another channel.
     fn leave_out(&mut self, misplaced: &[usize]) {
         let Some(&first) = misplaced.first() else {
             return;
@@ -219,7 +218,7 @@ impl Cphd {
         self.retain(misplaced);
     }
 
-    /// Leaves out vectors of these numbers, ascending.
+    /// Leave out the vectors with these ascending numbers.
     fn retain(&mut self, without: &[usize]) {
         fn only<T>(values: &mut Vec<T>, gone: &[usize]) {
             let (mut at, mut next) = (0, 0);
@@ -263,7 +262,7 @@ impl Cphd {
         &self.info().channels
     }
 
-    /// The channel that was opened.
+    /// Channel that was opened.
     pub fn channel(&self) -> &ChannelInfo {
         &self.info().channels[self.channel]
     }
@@ -279,7 +278,7 @@ impl Cphd {
         )
     }
 
-    /// Scales, conjugates and checks stored vectors from `first` on.
+    /// Scale, conjugate and check stored vectors from `first` on.
     fn condition(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let width = self.stored_samples;
         for (i, vector) in samples.chunks_exact_mut(width).enumerate() {
@@ -420,7 +419,7 @@ impl PhaseHistory for Cphd {
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         assert!(
             pulses.end <= self.collection.pulses.len(),
-            "pulses {pulses:?} are past the last one"
+            "pulses {pulses:?} are beyond the last one"
         );
         assert_eq!(samples.len(), pulses.len() * self.collection.num_samples);
         let width = self.stored_samples;
@@ -428,7 +427,7 @@ impl PhaseHistory for Cphd {
             let mut at = pulses.start;
             let mut left = samples;
             while at < pulses.end {
-                // Vectors that follow one another in the file are read at once.
+                // Vectors adjacent in the file are read together.
                 let first = self.missing.vector(at);
                 let follows = |n: &usize| self.missing.vector(at + n) == first + n;
                 let count = (1..pulses.end - at).take_while(follows).count() + 1;
@@ -445,7 +444,7 @@ impl PhaseHistory for Cphd {
             self.read_stored(self.missing.vector(pulse) * width, &mut toa)?;
             self.condition(pulse, &mut toa)?;
             transform.frequency(&toa, arrival.shifts[pulse], fx);
-            // A sum of finite float32 may still pass the largest float32.
+            // Products of finite float32 values can overflow.
             check_finite(
                 &self.container.source.name(),
                 self.missing.vector(pulse),
@@ -519,7 +518,7 @@ fn vectors_named(numbers: &[usize], of: u64) -> String {
     }
 }
 
-/// The sentence that says which vectors hold no echo, if any does not.
+/// Warning about vectors without an echo, if any.
 fn no_signal(name: &str, missing: &Missing, count: usize) -> Vec<String> {
     if missing.0.is_empty() {
         return Vec::new();
@@ -530,7 +529,7 @@ fn no_signal(name: &str, missing: &Missing, count: usize) -> Vec<String> {
     )]
 }
 
-/// Bytes that a channel holds while it is open.
+/// Memory of an open channel in bytes.
 fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout, with_antennas: bool) -> u64 {
     let transformed = match domain {
         Domain::Fx => 0,

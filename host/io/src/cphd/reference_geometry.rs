@@ -1,13 +1,12 @@
-//! The ReferenceGeometry branch: where the platforms are, as seen from the SRP of one vector
-//! (CPHD 1.1.0 section 6.5; the numbers of its equations are in the comments).
+//! The ReferenceGeometry branch: platform positions as seen from the SRP of one vector (CPHD 1.1.0 section 6.5;
+//! comments state the numbers of its equations).
 //!
-//! Several of the standard's equations are ill-conditioned where a radar of a test or a table looks
-//! along an axis: the arc cosine of a graze angle of zero is not a number as soon as rounding puts
-//! the cosine above one, and an azimuth of zero may come out as 360 degrees. A program that checks
-//! a file repeats the equations, with roundings of its own. So [`choose`] takes the vector nearest
-//! the middle at which the equations survive several ways of rounding, and the writer names it
-//! as the reference vector. What is undefined at any vector (twist, slope and layover of a platform
-//! that stands still or moves along the line of sight) is written as 0, a Doppler cone angle as 90.
+//! Several equations of the standard are ill-conditioned if the radar looks along an axis: rounding can put the
+//! cosine of a zero graze angle above one, where the arc cosine is not a number, and a zero azimuth can become 360
+//! degrees. A checker evaluates the equations with roundings of its own. [`choose`] therefore selects the vector
+//! nearest the middle whose results are stable under several rounding rules, and the writer states it as the
+//! reference vector. Angles that are undefined at every vector (twist, slope and layover of a platform at rest or
+//! moving along the line of sight) are written as 0, and a Doppler cone angle as 90.
 
 use glam::DVec3;
 
@@ -22,7 +21,7 @@ struct Arithmetic {
     fused: bool,
     /// Factor on the latitude of the SRP, within one rounding of 1.
     nudge: f64,
-    /// Whether cosines beyond 1 are taken as 1. A checker may not do so.
+    /// Whether cosines above 1 are limited to 1. A checker may not do so.
     clamped: bool,
 }
 
@@ -157,7 +156,8 @@ impl Platform {
         }
     }
 
-    /// Numbers that a checker compares: lengths and angles. Side of track as an angle far off.
+    /// Numbers that a checker compares: lengths and angles. The side of track is coded as an angle, so that a change
+    /// counts as an error.
     fn numbers(&self, slant_plane: bool) -> ([f64; 2], Vec<f64>) {
         let side = if self.left { 180.0 } else { 0.0 };
         let mut angles = vec![side, self.doppler_cone, self.graze, self.azimuth];
@@ -226,7 +226,7 @@ impl Bistatic {
         let ground = a.length(b_ground);
         let x = b_ground / ground;
         let y = place.up.cross(x);
-        // (10, 11): which way it turns.
+        // (10, 11): direction of rotation.
         let across = a.dot(b_rate, y);
         // (12, 13): normal of the bistatic slant plane, upwards.
         let b_unit = b / b_length;
@@ -266,8 +266,8 @@ pub(super) fn is_monostatic(vectors: &[Record]) -> bool {
     })
 }
 
-/// Index of the reference vector: the one nearest the middle among those whose geometry most of the
-/// [`TRIALS`] agree upon. Looks at no more than some thousands of vectors.
+/// Index of the reference vector: the nearest to the middle for which the most [`TRIALS`] agree. At most a few
+/// thousand vectors are examined.
 pub(super) fn choose(vectors: &[Record], bistatic: bool) -> usize {
     let middle = vectors.len() / 2;
     let mut best = (0, middle);
@@ -290,8 +290,8 @@ pub(super) fn choose(vectors: &[Record], bistatic: bool) -> usize {
     best.1
 }
 
-/// How many trials give what the written numbers are, to half of what checkers are known to allow:
-/// 1 degree, and 1e-6 of a length.
+/// Number of trials that agree with the written numbers to half of the checkers' tolerance: 1 degree, and 1e-6 of a
+/// length.
 fn agreeing_trials(vector: &Record, bistatic: bool) -> usize {
     let numbers = |a| -> (Vec<f64>, Vec<f64>) {
         if bistatic {
@@ -320,8 +320,8 @@ fn agreeing_trials(vector: &Record, bistatic: bool) -> usize {
         .count()
 }
 
-/// Writes the branch for a reference vector. `srp_iac` is its SRP in the scene frame; `dwell` the
-/// centre and length of the time during which the SRP is seen.
+/// Write the branch for a reference vector. `srp_iac` is its SRP in the scene frame; `dwell` the centre and duration
+/// of its illumination.
 pub(super) fn describe(
     w: &mut Writer,
     vector: &Record,
@@ -397,8 +397,8 @@ fn describe_bistatic(w: &mut Writer, vector: &Record) {
     });
 }
 
-/// The schema excludes 90, 180 and 360 degrees and ranges of zero, which geometry does not: the
-/// largest value below stands for them.
+/// The schema excludes 90, 180 and 360 degrees and zero ranges, which can occur. They are replaced by the largest
+/// permitted value below.
 const BELOW_90: f64 = 90.0 - 1e-9;
 const BELOW_180: f64 = 180.0 - 1e-9;
 
@@ -422,10 +422,10 @@ fn positive(metres: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A radar 12 m away on the Earth: the arc length is the tangent offset to `(12 / R)^2`, where the arc
-    /// cosine is 0.4 mm off or more.
+    /// Radar at 12 m on the Earth's surface: the arc length equals the tangent offset to `(12 / R)^2`; the arc cosine
+    /// has an error of at least 0.4 mm.
     #[test]
-    fn short_ground_ranges_are_right() {
+    fn short_ground_ranges_keep_precision() {
         let srp = Geodetic {
             latitude_deg: 52.1,
             longitude_deg: 4.3,

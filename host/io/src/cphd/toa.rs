@@ -1,7 +1,7 @@
-//! Between time of arrival and frequency, one vector at a time, in float64.
+//! Transforms between time of arrival and frequency, one vector at a time, in float64.
 //!
-//! With `SGN = -1` and `K` frequencies `f_m = fx_C + m spacing`, `spacing = 1 / (N SCSS)`, the
-//! integral of the [module's doc](super) becomes
+//! With `SGN = -1` and `K` frequencies `f_m = fx_C + m spacing`, `spacing = 1 / (N SCSS)`, the integral in the [CPHD
+//! module](super) becomes
 //!
 //! ```text
 //! s[i] = 1/K sum_m S[m] exp(+j 2 pi m spacing (SC0 + i SCSS))        i = 0 .. N-1
@@ -18,11 +18,11 @@ use num_complex::{Complex32, Complex64};
 use subaperture_fft::Fft;
 use subaperture_signal::phase::phasor;
 
-/// Bands are compared with bins to this part of a bin, well above the rounding of FX1 and FX2
-/// (1e-6 Hz at 10 GHz) and below what would change the set meant.
+/// Tolerance in bins when a band is compared with the bins: above the rounding of FX1 and FX2 (1e-6 Hz at 10 GHz),
+/// far below one bin.
 const BIN_TOLERANCE: f64 = 1e-3;
 
-/// The bins of a band.
+/// Frequency bins of a band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bins {
     pub(super) first: i64,
@@ -30,8 +30,8 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// The bins of a band `bandwidth_hz` wide among `num_toa` samples `scss_s` apart; `None` if it
-    /// holds none or more than there are.
+    /// Bins of a band of `bandwidth_hz` for `num_toa` samples spaced `scss_s`. `None` if there are no bins, or more
+    /// than samples.
     pub(super) fn of_band(bandwidth_hz: f64, scss_s: f64, num_toa: usize) -> Option<Self> {
         let half = bandwidth_hz * scss_s * num_toa as f64 / 2.0;
         if !(half >= 0.0 && half <= num_toa as f64) {
@@ -45,7 +45,7 @@ impl Bins {
             .then_some(Self { first, count })
     }
 
-    /// The bins of `count` frequencies around `fx_C`.
+    /// Bins of `count` frequencies around `fx_C`.
     pub(super) fn of_count(count: usize) -> Self {
         Self {
             first: -((count / 2) as i64),

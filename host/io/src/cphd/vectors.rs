@@ -1,4 +1,4 @@
-//! The vectors of a channel as pulses: positions, bands, motion.
+//! Vectors of a channel as pulses: positions, bands, motion.
 
 use std::collections::TryReserveError;
 
@@ -16,7 +16,7 @@ use subaperture_model::phase_history::{Pulse, Sweep};
 pub(super) struct Missing(pub(super) Vec<usize>);
 
 impl Missing {
-    /// Number of the vector of a pulse: as many later as are missing before it.
+    /// Vector number of a pulse, counting omitted vectors before it.
     pub(super) fn vector(&self, pulse: usize) -> usize {
         let (mut low, mut high) = (0, self.0.len());
         while low < high {
@@ -29,7 +29,7 @@ impl Missing {
         pulse + low
     }
 
-    /// The pulse of a vector, if it has one.
+    /// Pulse of a vector. `None` if it is omitted.
     pub(super) fn pulse(&self, vector: usize) -> Option<usize> {
         self.0
             .binary_search(&vector)
@@ -45,7 +45,7 @@ const SCALES: std::ops::RangeInclusive<f64> = 1e-25..=1e25;
 pub(crate) fn scale_fault(scale: f64) -> Option<String> {
     (scale != 0.0 && !SCALES.contains(&scale.abs())).then(|| {
         format!(
-            "AmpSF is {scale:e}: samples scaled so do not fit float32 ({:e} to {:e} do); multiply all of the file's AmpSF by one number",
+            "AmpSF: expected {:e} to {:e} (float32 samples), found {scale:e}; multiply all AmpSF of the file by one number",
             SCALES.start(),
             SCALES.end()
         )
@@ -59,7 +59,7 @@ pub(super) struct Vectors {
     pub(super) frame: subaperture_model::geometry::SceneFrame,
     pub(super) pulses: Vec<Pulse>,
     pub(super) amp_sf: Vec<f64>,
-    /// Vectors that hold no echo, ascending.
+    /// Vectors without an echo, ascending.
     pub(super) missing: Missing,
     pub(super) shifts: Vec<f64>,
     pub(super) true_antennas: Vec<[DVec3; 2]>,
@@ -67,7 +67,7 @@ pub(super) struct Vectors {
 }
 
 impl Vectors {
-    /// Of this file, none read yet.
+    /// Create empty lists for a file.
     pub(super) fn to_be_read(info: &CphdInfo, stored_samples: usize) -> Self {
         Self {
             domain: info.domain,
@@ -82,7 +82,7 @@ impl Vectors {
         }
     }
 
-    /// Makes room for `count` vectors and no more.
+    /// Reserve memory for exactly `count` vectors.
     pub(super) fn reserve(&mut self, count: usize, layout: &Layout) -> Result<(), TryReserveError> {
         self.pulses.try_reserve_exact(count)?;
         if layout.has_amp_sf() {
@@ -107,7 +107,7 @@ impl Vectors {
             transmitter_m: self.frame.from_ecf_m(vector.tx_pos),
             receiver_m: self.frame.from_ecf_m(vector.rcv_pos),
             reference_m: self.frame.from_ecf_m(vector.srp_pos),
-            // From the ECF positions, not from those in the scene frame: one rounding less.
+            // Computed from ECF positions, which saves one rounding.
             reference_path_m: (vector.tx_pos - vector.srp_pos).length()
                 + (vector.rcv_pos - vector.srp_pos).length(),
             start_hz,
@@ -122,7 +122,7 @@ impl Vectors {
         }
         if !self.is_sweep(&pulse.sweep) {
             return Err(format!(
-                "vector {index}: TxVel, RcvVel or aFRR2 is beyond all measure; repair or drop it"
+                "vector {index}: TxVel, RcvVel or aFRR2 is impossibly large; repair or drop it"
             ));
         }
         if let Some(what) = vector.amp_sf.and_then(scale_fault) {
@@ -153,15 +153,15 @@ impl Vectors {
         }
     }
 
-    /// Whether a sweep is one that a radar can make: of a second at most a sample, slower than light.
+    /// Whether a radar can make this sweep: at most one second per sample, slower than light.
     fn is_sweep(&self, sweep: &Sweep) -> bool {
         let slow = |v: DVec3| v.length() < SPEED_OF_LIGHT_M_S;
         sweep.sample_s.abs() < 1.0 && slow(sweep.transmitter_m_s) && slow(sweep.receiver_m_s)
     }
 
-    /// Accelerations: the slope, at each vector, of the polynomial through its velocity and those of two vectors before and
-    /// two after. (Two neighbours alone leave `(w h)^2 / 6` of a vibration of `w` radians a second, `h` seconds from
-    /// vector to vector: 8 % of 1.8 Hz at 60 ms. Four leave `(w h)^4 / 30`, 0.7 %.)
+    /// Set accelerations: at each vector, the slope of the polynomial through its velocity and those of the two
+    /// vectors before and after. (Two neighbours alone have the error `(w h)^2 / 6` for a vibration of `w` radians
+    /// per second and `h` seconds between vectors: 8 % at 1.8 Hz and 60 ms. Four have `(w h)^4 / 30`, 0.7 %.)
     pub(super) fn set_accelerations(&mut self) {
         const NEIGHBOURS: usize = 2;
         for i in 0..self.pulses.len() {

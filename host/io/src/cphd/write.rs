@@ -26,43 +26,43 @@ use subaperture_model::phase_history::check_finite;
 
 /// Write `channels` to `path` atomically: to a hidden file in the same folder, which is then renamed.
 ///
-/// Samples are CF8. In the FX domain they read back to the same bits. In the TOA domain there are at
-/// least 1.25 times as many, over one period `1 / step_hz` of delay around the SRP's, so that
-/// the only loss is float32 rounding. The first channel is the reference channel.
+/// Samples are CF8. In the FX domain they read back bit-identical. In the TOA domain there are at least 1.25 times as
+/// many, over one period `1 / step_hz` of delay around the SRP's; the only loss is float32 rounding. The first
+/// channel is the reference channel.
 ///
-/// Values that CPHD requires and a [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory) does not have:
+/// Values that CPHD requires and a [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory) does not contain:
 /// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
 ///   `RcvPos` are the pulse's positions, taken to be valid at those times.
-/// - Velocities are those within the sweep, where samples are taken one after another ([`Sweep`](subaperture_model::phase_history::Sweep)),
-///   else central differences of positions over those times, one-sided at the ends.
-/// - `aFRR1` and `aFRR2` give the rate of such a sweep, as they do for a pulse of linear frequency modulation. Phases
-///   have to follow the reference point then.
-/// - `SRPPos` is the reference point. Where `reference_path_m` differs from its path by more than
-///   20 nm, the SRP is moved along the bisector until it does not, since the SRP's path is the
-///   only one that CPHD knows; `SRPFixed` is then false.
+/// - Velocities are those of the sweep if samples are taken one after another
+///   ([`Sweep`](subaperture_model::phase_history::Sweep)), otherwise central differences of the positions (one-sided
+///   at the ends).
+/// - `aFRR1` and `aFRR2` state the rate of such a sweep, as for a linear frequency-modulated pulse. Phases must then
+///   follow the reference point.
+/// - `SRPPos` is the reference point. Where `reference_path_m` differs by more than 20 nm from the path of the
+///   reference point, the SRP is moved along the bisector until they agree, since CPHD stores no other path;
+///   `SRPFixed` is then false.
 /// - `CollectType` is `MONOSTATIC` if transmitter and receiver are at most 1 mrad apart as seen from
 ///   the SRP, in every pulse of the reference channel.
 /// - `ModeType` is `SPOTLIGHT` if all pulses share their reference point, else `STRIPMAP`; dwell is
 ///   given as the whole collection for all of the image area.
-/// - `TOA1` to `TOA2` are 0.8 of the unambiguous delay; an absent extent becomes the square that this
-///   swath covers.
-/// - `RefVectorIndex` is the vector nearest the middle at which the reference geometry is well
-///   conditioned. Motion exactly along the line of sight spans no slant plane: twist, slope and
-///   layover are written as 0, and sarkit's `cphdcheck`, whose equations give 0 / 0, reports these
-///   three. For a platform at rest, or a single pulse, it reports side of track and Doppler cone
-///   angle (written as L and 90) as well. Such files are sound in all else.
+/// - `TOA1` to `TOA2` are 0.8 of the unambiguous delay; a missing extent is replaced by the square that this swath
+///   covers.
+/// - `RefVectorIndex` is the vector nearest the middle at which the reference geometry is well conditioned. For
+///   motion exactly along the line of sight there is no slant plane: twist, slope and layover are written as 0, and
+///   sarkit's `cphdcheck`, whose equations are 0 / 0, reports these three. For a platform at rest, or a single pulse,
+///   it also reports side of track and Doppler cone angle (written as L and 90). It reports nothing else.
 /// - `ImageGrid` is a proposal at range resolution.
-/// - `Antenna` describes the antennas of channels that have [`Channel::antennas`], as gain polynomials about axes that are polynomials of time of up to the fifth
-///   order. Antennas whose axes do not follow such polynomials within 1 % of their narrowest half-power width are left out
-///   ([`describes_antennas`]).
-/// - If all channels know the true positions of their antennas, these are added parameters
-///   (`AddedPVP`) of their own, `TxPosTrue` and `RcvPosTrue`, in ECF.
+/// - `Antenna` describes the antennas of channels that have [`Channel::antennas`], as gain polynomials about axes
+///   that are polynomials of time up to order 5. Antennas whose axes deviate from such polynomials by more than 1 %
+///   of their narrowest half-power width are omitted ([`describes_antennas`]).
+/// - If all channels have true antenna positions, these are written as added parameters (`AddedPVP`), `TxPosTrue` and
+///   `RcvPosTrue`, in ECF.
 ///
-/// Memory: 256 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
+/// Memory: 256 bytes per pulse of all channels, plus the larger of 8 MiB and two pulses.
 ///
 /// # Errors
-/// [`WriteError`]; among the unsuited are a local scene frame, one that is not level where the surface is to be of constant height, times that do not rise, and pulses
-/// compensated to a path that no scene point has (such as 0).
+/// [`WriteError`]; [`WriteError::Unsuited`] for a local scene frame, a frame that is not level with a surface of
+/// constant height, times that do not ascend, and pulses compensated to a path that no scene point has (such as 0).
 pub fn write(
     path: impl AsRef<Path>,
     channels: &[Channel],
@@ -74,7 +74,7 @@ pub fn write(
     Ok(alone.commit()?)
 }
 
-/// As [`write()`], put in place with the other files of a set.
+/// Like [`write()`], renamed together with the other files of a set.
 ///
 /// # Errors
 /// As [`write()`].
@@ -125,17 +125,17 @@ pub fn add_to(
     Ok(files.add(beside)?)
 }
 
-/// Whether [`write()`] describes the antennas of a channel: it has some, and their axes follow polynomials of time.
+/// Whether [`write()`] describes the antennas of a channel: it has antennas, and their axes are polynomials of time.
 pub fn describes_antennas(channel: &Channel) -> bool {
     let collection = channel.history.collection();
     let described = |carried| Described::new(carried, &collection.frame, &collection.pulses, 1.0);
     channel.antennas.as_ref().and_then(described).is_some()
 }
 
-/// Size of the file that [`write()`] makes.
+/// Size of the file that [`write()`] writes, in bytes.
 ///
 /// # Errors
-/// As [`write()`], but for those of reading and writing.
+/// As [`write()`], except those of reading and writing.
 pub fn file_bytes(channels: &[Channel], options: &WriteOptions) -> Result<u64, WriteError> {
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
@@ -188,7 +188,7 @@ fn prepare<'a>(
         let prepared = Prepared::new(collection, truth, options.domain)?;
         if !collection.frame.agrees_with(&frame) {
             return Err(WriteError::Unsuited(format!(
-                "channel '{}' has another scene frame than channel '{}': a CPHD file has one",
+                "channels '{}' and '{}' have different scene frames: a CPHD file has one",
                 channel.id, first.id
             )));
         }
@@ -214,8 +214,7 @@ fn prepare<'a>(
     Ok(entries)
 }
 
-/// Texts go into XML and, two of them, into the header's lines: no control characters, and nothing
-/// that trimming would change in what is looked up.
+/// Check the texts of XML and header: no control characters, and no surrounding white space, which readers trim.
 fn check_texts(channels: &[Channel], options: &WriteOptions) -> Result<(), WriteError> {
     let core_name = options.core_name.as_deref().unwrap_or_default();
     let mode_id = options.mode_id.as_deref().unwrap_or_default();
@@ -304,8 +303,7 @@ fn write_records(out: &mut Output, prepared: &Prepared) -> io::Result<()> {
     Ok(())
 }
 
-/// Reads, converts and hands over the samples of a channel, a few MiB at a time, with the number of
-/// bytes done.
+/// Convert and write the samples of a channel, a few MiB at a time, and report the bytes done.
 fn write_signal(
     entry: &Entry,
     options: &WriteOptions,

@@ -4,24 +4,24 @@ use super::conventions::{Domain, Polarization, Sgn};
 use super::metadata::ReferenceSurface;
 use crate::atomic;
 use subaperture_model::phase_history::{PhaseHistory, ReadError};
-use subaperture_model::radar::Carried;
+use subaperture_model::radar::MountedAntennas;
 
-/// A channel to be written.
+/// Channel to write.
 pub struct Channel<'a> {
     /// Identifier, unique in the file.
     pub id: String,
-    /// Its pulses, in the order of time.
+    /// Pulses of the channel in order of time.
     pub history: &'a dyn PhaseHistory,
     /// Polarisation transmitted.
     pub tx_polarization: Polarization,
     /// Polarisation received.
     pub rcv_polarization: Polarization,
-    /// Its antennas, described in the file if one of them has a pattern.
-    pub antennas: Option<Carried>,
+    /// Antennas of the channel; described in the file if one of them has a pattern.
+    pub antennas: Option<MountedAntennas>,
 }
 
 impl<'a> Channel<'a> {
-    /// A channel of unspecified polarisation.
+    /// Create a channel of unspecified polarisation.
     pub fn new(id: impl Into<String>, history: &'a dyn PhaseHistory) -> Self {
         Self {
             id: id.into(),
@@ -34,7 +34,7 @@ impl<'a> Channel<'a> {
 
     /// Describe these antennas; isotropic ones are not described.
     #[must_use]
-    pub fn with_antennas(self, antennas: Carried) -> Self {
+    pub fn with_antennas(self, antennas: MountedAntennas) -> Self {
         let antennas = antennas.is_directive().then_some(antennas);
         Self { antennas, ..self }
     }
@@ -43,21 +43,22 @@ impl<'a> Channel<'a> {
 /// Options of the writer and metadata of the collection.
 #[derive(Clone, Debug)]
 pub struct WriteOptions {
-    /// Domain of the samples. FX reads back to the same bits; TOA to float32 rounding.
+    /// Domain of the samples. FX reads back bit-identical, TOA to float32 rounding.
     pub domain: Domain,
     /// Sign of phase with delay.
     pub sgn: Sgn,
     /// Radar platform.
     pub collector_name: String,
-    /// Name of the collection; that of the first channel's collection if `None`.
+    /// Name of the collection. `None`: that of the first channel's collection.
     pub core_name: Option<String>,
     /// The radar's own name of its mode.
     pub mode_id: Option<String>,
     /// Classification banner.
     pub classification: String,
-    /// To whom the file may be given.
+    /// Release restrictions (`ReleaseInfo`).
     pub release_info: String,
-    /// The surface on which image area coordinates are defined. Of constant height it takes a scene frame whose z axis is the vertical.
+    /// Surface on which image area coordinates are defined. One of constant height requires a scene frame with a
+    /// vertical z axis.
     pub surface: ReferenceSurface,
     /// Date and time of the collection's start, UTC, as `YYYY-MM-DDThh:mm:ss.ssssssZ`.
     pub collection_start: String,
@@ -90,7 +91,7 @@ pub enum WriteError {
     /// The pulses could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The collection or the options cannot be expressed in CPHD.
+    /// CPHD cannot represent the collection or the options.
     #[error("{0}")]
     Unsuited(String),
     /// The monitor asked to stop.

@@ -1,4 +1,4 @@
-//! Vectors as echoes of a pulse at baseband.
+//! Vectors as baseband echoes of a pulse.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,24 +17,24 @@ use subaperture_model::phase_history::{InputFile, ReadError};
 use subaperture_model::radar::{PulseShape, Waveform};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
-/// How a vector's samples become those of an echo.
+/// Conversion of a vector's samples to those of an echo.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
     /// Number of the vector in the file.
     vector: usize,
     scale: f64,
-    /// Turns of sample 0, and from sample to sample.
+    /// Phase of sample 0 and phase increment per sample, in turns.
     turns: f64,
     turns_a_sample: f64,
     window_start_s: f64,
-    /// Transmitter's and receiver's, in the scene frame.
+    /// Velocities of transmitter and receiver in the scene frame.
     velocities_m_s: [DVec3; 2],
 }
 
-/// Bytes that are kept of a vector.
+/// Memory per vector in bytes.
 pub(super) const KEPT_BYTES: u64 = (size_of::<Turn>() + size_of::<EchoPulse>()) as u64;
 
-/// Where a channel's samples lie.
+/// Position and format of a channel's stored samples.
 #[derive(Clone)]
 pub(super) struct Stored {
     pub(super) source: Arc<Source>,
@@ -50,19 +50,19 @@ pub(super) struct Vectors {
     stored: Stored,
     collection: EchoCollection,
     turns: Vec<Turn>,
-    /// What all pulses are.
+    /// Waveform common to all pulses.
     wave: Option<Wave>,
-    /// Frequencies that were both sent and received, of all vectors.
+    /// Band both transmitted and received, common to all vectors.
     band_hz: [f64; 2],
 }
 
 impl Vectors {
-    /// None read yet.
+    /// Create an empty list.
     pub(super) fn to_be_read(info: &CrsdInfo, stored: Stored, name: String) -> Self {
         Self {
             collection: EchoCollection {
                 name,
-                // Known with the first vector.
+                // Set by the first vector.
                 waveform: Waveform::Pulsed {
                     centre_hz: 0.0,
                     sample_rate_hz: stored.sample_rate_hz,
@@ -86,7 +86,7 @@ impl Vectors {
         }
     }
 
-    /// Makes room for `count` vectors and no more.
+    /// Reserve memory for exactly `count` vectors.
     pub(super) fn reserve(
         &mut self,
         count: usize,
@@ -95,7 +95,7 @@ impl Vectors {
         self.collection.pulses.try_reserve_exact(count)
     }
 
-    /// Takes vector `index`, an echo of `sent`.
+    /// Add vector `index`, an echo of `sent`.
     pub(super) fn push(
         &mut self,
         index: u64,
@@ -115,7 +115,7 @@ impl Vectors {
                 format!("{centre_hz:?} Hz, {chirp_hz_s:?} Hz/s and {length_s:?} s")
             });
             return fault(format!(
-                "its pulse's FxFreq0, FxRate and TXmt are {this} and the first one's {first}; pulses that change are not read: convert \
+                "expected the same FxFreq0, FxRate and TXmt in all pulses, found {this} after {first}; varying pulses are not supported: convert \
                  the file to CPHD 1.1 with its producer's tool"
             ));
         }
@@ -123,7 +123,7 @@ impl Vectors {
         let length = sent.wave.length_s * rate_hz;
         if length > self.stored.num_samples as f64 {
             return fault(format!(
-                "its pulse lasts {length:.0} samples, and a vector has {}: no echo is in it whole",
+                "its pulse of {length:.0} samples is longer than the vector of {}",
                 self.stored.num_samples
             ));
         }
@@ -136,7 +136,7 @@ impl Vectors {
             self.band_hz[0] = self.band_hz[0].max(band_hz[0]);
             self.band_hz[1] = self.band_hz[1].min(band_hz[1]);
         }
-        // Whole seconds apart, so that no digit is lost.
+        // Difference of whole seconds first, to keep all digits.
         let after_s =
             (received.start.0 as f64 - sent.time.0 as f64) + (received.start.1 - sent.time.1);
         let Wave {
@@ -153,7 +153,7 @@ impl Vectors {
             .iter()
             .all(|v| v.length() < 0.01 * SPEED_OF_LIGHT_M_S)
         {
-            return fault("TxVel or RcvVel is beyond all measure; repair or drop it".to_owned());
+            return fault("TxVel or RcvVel is impossibly large; repair or drop it".to_owned());
         }
         let receiver_m = arrival_m(
             [transmitter_m, at_start_m, reference_m],
@@ -182,7 +182,7 @@ impl Vectors {
         Ok(())
     }
 
-    /// States the waveform, once all vectors are there; what of its band can be used, about its centre.
+    /// Set the waveform after the last vector. Returns the usable part of the band, symmetric about its centre.
     pub(super) fn finish(&mut self) -> Option<[f64; 2]> {
         let wave = self.wave?;
         self.collection.waveform = Waveform::Pulsed {
@@ -199,12 +199,12 @@ impl Vectors {
         Some(self.band_hz.map(|edge| edge - wave.centre_hz))
     }
 
-    /// Transmitter's and receiver's velocities in the scene frame, of every echo.
+    /// Velocities of transmitter and receiver in the scene frame for every echo.
     pub(super) fn velocities_m_s(&self) -> Vec<[DVec3; 2]> {
         self.turns.iter().map(|turn| turn.velocities_m_s).collect()
     }
 
-    /// Reads vectors of the file that lie one after another.
+    /// Read vectors that are adjacent in the file.
     fn read_run(&self, turns: &[Turn], samples: &mut [Complex32]) -> Result<(), ReadError> {
         let stored = &self.stored;
         let width = stored.num_samples;
@@ -226,15 +226,15 @@ impl Vectors {
     }
 }
 
-/// Where the receiver is when the echo of a point arrives: of the places of transmitter, receiver at its window's start, which is
-/// `after_s` after the pulse, and point.
+/// Receiver position when the echo of a point arrives. Arguments: the positions of the transmitter, of the receiver
+/// at the start of its window (`after_s` after the pulse), and of the point.
 fn arrival_m(
     [transmitter_m, at_start_m, point_m]: [DVec3; 3],
     velocity_m_s: DVec3,
     after_s: f64,
 ) -> DVec3 {
     let mut receiver_m = at_start_m;
-    // Each step brings it nearer by the velocity over light's, a hundredth at the most.
+    // Each step reduces the error by the ratio of velocity to the speed of light, at most a hundredth.
     for _ in 0..8 {
         let path_m = transmitter_m.distance(point_m) + receiver_m.distance(point_m);
         receiver_m = at_start_m + velocity_m_s * (path_m / SPEED_OF_LIGHT_M_S - after_s);

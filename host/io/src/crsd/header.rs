@@ -30,11 +30,11 @@ impl Kind {
         match self {
             Self::Sar => Ok(()),
             Self::Transmit => Err(
-                "CRSDtx holds transmitted pulses and no echoes, of which no image can be formed: the CRSDsar of the same collection is wanted"
+                "CRSDtx contains no echoes: use the CRSDsar of the same collection"
                     .to_owned(),
             ),
             Self::Receive => Err(
-                "CRSDrcv holds what was received and not the pulses that it is of, so that no image can be formed: the CRSDsar of the same collection is wanted"
+                "CRSDrcv does not contain the transmitted pulses: use the CRSDsar of the same collection"
                     .to_owned(),
             ),
         }
@@ -61,15 +61,13 @@ impl Header {
         let (name, version) = lines.first.split_once('/').unwrap_or((lines.first, ""));
         let version = version.trim();
         let kind = Kind::of(name).ok_or_else(|| {
-            format!("byte 0: expected CRSDsar, CRSDtx or CRSDrcv, found '{name}': CRSD of a version before 1 is not read")
+            format!("byte 0: expected CRSDsar, CRSDtx or CRSDrcv, found '{name}': CRSD versions before 1 are not supported")
         })?;
         if !(version == "1.0" || version.starts_with("1.0.")) {
-            return Err(format!(
-                "byte 0: version '{version}' is not the one that is read here: 1.0"
-            ));
+            return Err(format!("byte 0: expected version 1.0, found '{version}'"));
         }
         kind.check()?;
-        // It is not read, but it must lie within the file.
+        // The support block is not read, but must lie within the file.
         lines.block("SUPPORT")?;
         Ok(Self {
             version: version.to_owned(),
@@ -88,7 +86,7 @@ mod tests {
         SIGNAL_BLOCK_BYTE_OFFSET := 430\nCLASSIFICATION := U\nRELEASE_INFO := U\n\x0c\n";
 
     #[test]
-    fn only_crsdsar_is_read() {
+    fn crsdtx_and_crsdrcv_are_refused() {
         let parse = |name: &str, len| Header::parse(format!("{name}{REST}").as_bytes(), len);
         let header = parse("CRSDsar", 438).unwrap();
         assert_eq!(
@@ -98,9 +96,9 @@ mod tests {
         assert!(parse("CRSDsar", 437).unwrap_err().contains("cut short"));
         for (name, word) in [
             ("CRSDtx", "no echoes"),
-            ("CRSDrcv", "not the pulses"),
+            ("CRSDrcv", "the transmitted pulses"),
             ("CRSD", "before 1"),
-            ("CPHD", "CRSD file starts"),
+            ("CPHD", "start of a CRSD file"),
         ] {
             let told = parse(name, 438).unwrap_err();
             assert!(told.contains(word), "{name}: {told}");

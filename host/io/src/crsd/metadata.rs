@@ -1,4 +1,4 @@
-//! Metadata of the XML that image formation and its record need.
+//! Metadata of the XML needed by image formation and its record.
 
 use std::collections::HashMap;
 
@@ -25,12 +25,12 @@ pub struct CrsdChannel {
     pub tx_polarization: Option<String>,
     /// Received polarisation.
     pub rcv_polarization: Option<String>,
-    /// Complex samples a second.
+    /// Sampling rate in hertz.
     pub sample_rate_hz: f64,
-    /// The transmit sequence whose pulses it is of.
+    /// Identifier of the transmit sequence that the channel received.
     pub tx_id: String,
     pub(super) arrays: Arrays,
-    /// The transmit sequence, by its place in the list.
+    /// Index of the transmit sequence in the list.
     pub(super) sequence: usize,
 }
 
@@ -51,7 +51,7 @@ pub(super) struct Sequence {
     pub(super) offset: u64,
 }
 
-/// The metadata of a `CRSDsar` file.
+/// Metadata of a `CRSDsar` file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CrsdInfo {
     /// Version, such as `1.0`.
@@ -72,7 +72,7 @@ pub struct CrsdInfo {
     pub frame: SceneFrame,
     /// Image area in the scene frame.
     pub image_area: Extent,
-    /// The reference point, metres in the scene frame.
+    /// Reference point in metres in the scene frame.
     pub reference_m: DVec3,
     /// Storage format of samples.
     pub signal_format: SignalFormat,
@@ -80,26 +80,26 @@ pub struct CrsdInfo {
     pub ref_channel: String,
     /// All channels, in the order of the file.
     pub channels: Vec<CrsdChannel>,
-    /// Number of antenna patterns (`Antenna/AntPattern`), which are sampled arrays. They are counted and not read.
+    /// Number of antenna patterns (`Antenna/AntPattern`). They are sampled arrays, which are not read.
     pub num_antenna_patterns: u64,
     pub(super) compression: Option<String>,
     pub(super) waveform: String,
     pub(super) sequences: Vec<Sequence>,
 }
 
-/// The metadata, and where each parameter of pulses and vectors lies.
+/// Metadata, and the positions of the parameters of pulses and vectors.
 pub(super) struct Parsed {
     pub(super) info: CrsdInfo,
     pub(super) pulses: pulses::Layout,
     pub(super) vectors: vectors::Layout,
 }
 
-/// Parses the XML block.
+/// Parse the XML block.
 pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parsed, MetadataError> {
     let document = container::parse(xml, memory_bytes)?;
     let root = Element::root(&document);
     if Kind::of(root.name()) != Some(Kind::Sar) {
-        return Err(root.fault("the root element of a CRSDsar file is CRSDsar"));
+        return Err(root.fault("expected the root element CRSDsar"));
     }
     let scene = root.child("SceneCoordinates")?;
     let (frame, _, _) = scene_frame(&scene)?;
@@ -122,7 +122,7 @@ pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parse
         .map(|entry| channel(&entry, &channel_node, &named))
         .collect::<Result<Vec<_>, _>>()?;
     if channels.is_empty() {
-        return Err(received.fault("no element Channel: the file holds no echoes"));
+        return Err(received.fault("no element Channel: the file contains no echoes"));
     }
     let text_in = |outer: &'static str, inner: &'static str| {
         root.optional(outer)
@@ -165,7 +165,7 @@ pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parse
     })
 }
 
-/// What channels refer to by name: a search for every one of them would be quadratic in their number.
+/// Elements that channels refer to by name. A search per channel would be quadratic in their number.
 struct Named<'s, 'a, 'i> {
     parameters: HashMap<String, Element<'a, 'i>>,
     sequences: HashMap<&'s str, usize>,
@@ -196,12 +196,14 @@ fn channel(entry: &Element, all: &Element, named: &Named) -> Result<CrsdChannel,
     let sequence = *named
         .sequences
         .get(tx_id.as_str())
-        .ok_or_else(|| tx.fault(format!("there is no transmit sequence '{tx_id}'")))?;
+        .ok_or_else(|| tx.fault(format!("transmit sequence '{tx_id}' is missing")))?;
     let arrays = Arrays::of(*entry)?;
     let rate = parameters.child("Fs")?;
     let sample_rate_hz = rate.number()?;
     if sample_rate_hz <= 0.0 {
-        return Err(rate.fault(format!("{sample_rate_hz:?} Hz is no sampling rate")));
+        return Err(rate.fault(format!(
+            "expected a positive sampling rate, found {sample_rate_hz:?} Hz"
+        )));
     }
     Ok(CrsdChannel {
         num_vectors: arrays.num_vectors,

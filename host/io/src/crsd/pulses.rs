@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::container::record::{Field, POSITION, SCALAR, WHOLE_AND_FRACTION, Words, record_width};
 use crate::container::{Element, MetadataError};
 
-/// Places of the parameters that this reader uses.
+/// Positions of the parameters that are read.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     /// Length of a record, bytes.
@@ -21,24 +21,24 @@ pub(super) struct Layout {
     rate: Field,
 }
 
-/// One pulse.
+/// Transmitted pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sent {
-    /// Whole seconds and their fraction of its middle.
+    /// Time of the pulse's middle: whole seconds and fraction.
     pub(super) time: (i64, f64),
-    /// ECF, metres.
+    /// ECF position in metres.
     pub(super) position: DVec3,
     pub(super) velocity: DVec3,
     pub(super) band_hz: [f64; 2],
     pub(super) wave: Wave,
-    /// Turns at the pulse's middle, less whole ones.
+    /// Phase at the pulse's middle in turns, fractional part.
     pub(super) phase: f64,
 }
 
-/// What a pulse's samples are, but for its phase.
+/// Waveform of a pulse, without its phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Wave {
-    /// Frequency in the middle.
+    /// Centre frequency in hertz.
     pub(super) centre_hz: f64,
     pub(super) chirp_hz_s: f64,
     pub(super) length_s: f64,
@@ -70,7 +70,7 @@ impl Layout {
         })
     }
 
-    /// Pulse `index` of its record.
+    /// Decode pulse `index` from its record.
     pub(super) fn decode(&self, index: u64, bytes: &[u8]) -> Result<Sent, String> {
         let record = Words {
             kind: "pulse",
@@ -96,26 +96,26 @@ impl Layout {
             length_s,
         } = sent.wave;
         let fault = |field, value: f64, what: &str| {
-            Err(record.fault(field, format!("is {value:?}: {what}")))
+            Err(record.fault(field, format!("{what}, found {value:?}")))
         };
         if centre_hz <= 0.0 {
-            return fault(self.frequency, centre_hz, "frequencies are positive");
+            return fault(self.frequency, centre_hz, "expected a positive frequency");
         }
         if length_s <= 0.0 {
-            return fault(self.length, length_s, "a pulse lasts some time");
+            return fault(self.length, length_s, "expected a positive duration");
         }
         if chirp_hz_s == 0.0 {
-            return fault(self.rate, chirp_hz_s, "a sweep has a rate");
+            return fault(self.rate, chirp_hz_s, "expected a rate other than 0");
         }
         if sent.band_hz[0] >= sent.band_hz[1] {
-            return fault(self.fx1, sent.band_hz[0], "it is not below FX2");
+            return fault(self.fx1, sent.band_hz[0], "expected a value below FX2");
         }
         Ok(sent)
     }
 }
 
 impl Wave {
-    /// Whether another pulse can be filtered as this one: to a thousandth of a turn everywhere in it.
+    /// Whether both waveforms can use one filter: equal within a thousandth of a turn over the pulse.
     pub(super) fn is_as(&self, other: &Self) -> bool {
         let half_s = 0.5 * self.length_s;
         let turns = (self.centre_hz - other.centre_hz).abs() * half_s

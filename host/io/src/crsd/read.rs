@@ -1,4 +1,4 @@
-//! CRSD files as phase history, read on demand.
+//! Phase history from CRSD files, read on demand.
 
 use std::ops::Range;
 use std::path::Path;
@@ -21,14 +21,14 @@ use subaperture_model::phase_history::{
     Pulse, ReadError, check_finite,
 };
 
-/// Bytes a sample of the plan that transforms a vector, and of one vector being transformed, as for CPHD.
+/// Bytes per sample for the transform plan and one vector being transformed, as for CPHD.
 const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 
-/// One channel of a `CRSDsar` file as phase history: its echoes, each divided by the spectrum of its pulse.
+/// Channel of a `CRSDsar` file as phase history: its echoes, each divided by the spectrum of its pulse.
 ///
-/// Opening reads the header, the XML, the pulses of the channel's transmit sequence and the channel's vectors; samples are read when
-/// asked for, so one `Crsd` can be read from many threads. Memory: the [`Collection`], about 300 bytes a vector, and the plan of the
-/// transform, about 256 bytes for each sample of one vector.
+/// Opening reads the header, the XML, the pulses of the channel's transmit sequence and the channel's vectors.
+/// Samples are read on demand, so several threads can read from one `Crsd`. Memory: the [`Collection`], about 300
+/// bytes per vector, and the transform plan, about 256 bytes per sample of one vector.
 pub struct Crsd {
     container: Arc<Container>,
     channel: usize,
@@ -49,8 +49,8 @@ impl CrsdInfo {
     /// Read only the header and the XML of a `CRSDsar` file.
     ///
     /// # Errors
-    /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CRSD, is of another kind, is cut short, or the XML lacks what
-    /// [`CrsdInfo`] needs.
+    /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CRSD, is of another kind, is truncated, or the XML
+    /// lacks an element that [`CrsdInfo`] needs.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, ReadError> {
         Ok(Container::open(path.as_ref(), DEFAULT_MEMORY_BYTES)?.info)
     }
@@ -95,7 +95,7 @@ impl ChannelFile for Container {
         let Self { header, info, .. } = self;
         if info.waveform != "LFM" {
             return Err(format!(
-                "its pulses are '{}' (TxSequence/TxWFType); only linear frequency modulation, 'LFM', is read: convert the file to CPHD 1.1 with \
+                "expected TxSequence/TxWFType LFM (linear frequency modulation), found '{}': convert the file to CPHD 1.1 with \
                  its producer's tool",
                 info.waveform
             ));
@@ -115,7 +115,7 @@ impl ChannelFile for Container {
 }
 
 impl Container {
-    /// The pulses of a sequence.
+    /// Pulses of a transmit sequence.
     fn sent(&self, sequence: &Sequence) -> Result<Vec<Sent>, ReadError> {
         let too_large = || self.too_large(&sequence.id);
         let count = usize::try_from(sequence.num_pulses).map_err(|_| too_large())?;
@@ -137,12 +137,12 @@ impl Container {
 }
 
 impl Crsd {
-    /// Opens channel `channel`, or the file's reference channel, holding at most `memory_bytes`.
+    /// Open channel `channel`, or the reference channel for `None`, with at most `memory_bytes` of memory.
     ///
     /// # Errors
-    /// [`ReadError::Io`] if the file cannot be read, [`ReadError::Malformed`] if it is not `CRSDsar`, is cut short, lacks what is needed,
-    /// is of a kind that the [module](super) names as not read, or has no such channel; the text says where. [`ReadError::Memory`] before
-    /// more is taken than allowed.
+    /// [`ReadError::Malformed`] if the file is not `CRSDsar`, is truncated, lacks a required element, is of a kind
+    /// that the [module](super) does not support, or has no such channel; the text states the position.
+    /// [`ReadError::Io`]. [`ReadError::Memory`] before more memory is allocated than allowed.
     pub fn open(
         path: impl AsRef<Path>,
         channel: Option<&str>,
@@ -151,8 +151,8 @@ impl Crsd {
         open_one(path.as_ref(), channel, memory_bytes)
     }
 
-    /// Opens these channels, each by its identifier or its number from 1, or all, side by side: the file is opened once.
-    /// Together they hold at most `memory_bytes`.
+    /// Open several channels, each by its identifier or its number from 1, or all. The file is opened once. Together
+    /// the channels use at most `memory_bytes`.
     ///
     /// # Errors
     /// As [`Self::open`]; [`ReadError::Channels`] if the file has no such channel.
@@ -164,12 +164,12 @@ impl Crsd {
         open_several(path.as_ref(), channels, memory_bytes)
     }
 
-    /// The metadata of the file.
+    /// Metadata of the file.
     pub fn info(&self) -> &CrsdInfo {
         &self.container.info
     }
 
-    /// The channel that was opened.
+    /// Channel that was opened.
     pub fn channel(&self) -> &CrsdChannel {
         &self.info().channels[self.channel]
     }
@@ -218,7 +218,7 @@ impl FileChannel for Crsd {
             let pulse = usize::try_from(received.pulse).ok();
             let Some(sent) = pulse.and_then(|pulse| sent.get(pulse)) else {
                 return Err(format!(
-                    "vector {index}: TxPulseIndex is {}, and '{}' has {} pulses",
+                    "vector {index}: TxPulseIndex {} is not below the number of pulses of '{}', {}",
                     received.pulse,
                     sequence.id,
                     sent.len()
@@ -228,7 +228,7 @@ impl FileChannel for Crsd {
         })?;
         let Some(band_hz) = echoes.finish() else {
             return Err(source.malformed(format!(
-                "channel '{}' has no vector that is an echo of a pulse (TxPulseIndex, SIGNAL)",
+                "channel '{}': expected a vector with an echo of a pulse (TxPulseIndex, SIGNAL), found no such vector",
                 chosen.id
             )));
         };
@@ -274,7 +274,7 @@ impl PhaseHistory for Crsd {
         let without = all.saturating_sub(kept);
         let warning = || {
             format!(
-                "{}: {without} of {all} vectors left out: they hold no echo of a pulse (SIGNAL other than 1, or no TxPulseIndex)",
+                "{}: {without} of {all} vectors left out: no echo of a pulse (SIGNAL other than 1, or no TxPulseIndex)",
                 self.collection().name
             )
         };

@@ -1,4 +1,4 @@
-//! Per-vector parameters: what was received.
+//! Per-vector parameters of the received signal.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use crate::container::record::{
 use crate::container::{Element, MetadataError};
 use crate::cphd::vectors::scale_fault;
 
-/// Places of the parameters that this reader uses.
+/// Positions of the parameters that are read.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     /// Length of a record, bytes.
@@ -27,25 +27,25 @@ pub(super) struct Layout {
     pulse: Field,
 }
 
-/// One vector.
+/// Received vector.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Received {
-    /// Whole seconds and their fraction of sample 0.
+    /// Time of sample 0: whole seconds and fraction.
     pub(super) start: (i64, f64),
-    /// ECF, metres, then.
+    /// ECF position at that time in metres.
     pub(super) position: DVec3,
     pub(super) velocity: DVec3,
     pub(super) band_hz: [f64; 2],
-    /// Turns of the reference signal at sample 0, less whole ones.
+    /// Phase of the reference signal at sample 0 in turns, fractional part.
     pub(super) phase: f64,
     pub(super) reference_hz: f64,
-    /// By what samples are to be multiplied.
+    /// Scale factor of the samples.
     pub(super) scale: f64,
-    /// The pulse that it is of.
+    /// Index of the transmitted pulse.
     pub(super) pulse: u64,
 }
 
-/// What SIGNAL is of a vector that holds an echo.
+/// Value of SIGNAL for a vector that contains an echo.
 const ECHO: i64 = 1;
 
 impl Layout {
@@ -77,7 +77,8 @@ impl Layout {
         })
     }
 
-    /// Vector `index` of its record; `None` if it is no echo of a pulse: without signal, of noise, or of calibration.
+    /// Decode vector `index` from its record. `None` if it contains no echo of a pulse: no signal, noise or
+    /// calibration.
     pub(super) fn decode(&self, index: u64, bytes: &[u8]) -> Result<Option<Received>, String> {
         let record = Words {
             kind: "vector",
@@ -116,14 +117,14 @@ impl Layout {
         ] {
             if value != 0.0 {
                 return Err(format!(
-                    "vector {index}: {} is {value:?}: the received band moves with time, as of a receiver that de-chirps, which is not read: \
+                    "vector {index}: {} is {value:?}: the received band moves with time (deramping receiver), which is not supported; \
                      convert the file to CPHD 1.1 with its producer's tool",
                     field.name()
                 ));
             }
         }
         if received.band_hz[0] >= received.band_hz[1] {
-            return Err(record.fault(self.frcv1, "is not below FRCV2"));
+            return Err(record.fault(self.frcv1, "expected a value below FRCV2"));
         }
         Ok(Some(received))
     }

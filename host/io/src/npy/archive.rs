@@ -1,4 +1,4 @@
-//! Arrays in an archive (`.npz`), which is a zip file of `.npy` files.
+//! Arrays in an archive (`.npz`), a zip file of `.npy` files.
 
 use std::fs::File;
 use std::io::Read;
@@ -6,7 +6,7 @@ use std::io::Read;
 use super::Array;
 use subaperture_model::phase_history::ReadError;
 
-/// What `take` makes of the contents of the array `name`, with or without its `.npy`; or why there is no such array.
+/// Read the array `name`, with or without its suffix `.npy`, by `take`.
 #[cfg(feature = "npz")]
 pub(super) fn read(
     file: &File,
@@ -19,7 +19,7 @@ pub(super) fn read(
     let Some(index) = archive.index_for_name(&member) else {
         let known: Vec<_> = archive.file_names().flatten().collect();
         return Err(format!(
-            "has no array {name}; it has {}",
+            "expected an array {name}, found {}",
             known.join(", ").replace(".npy", "")
         ));
     };
@@ -29,7 +29,7 @@ pub(super) fn read(
     Ok(take(&mut member))
 }
 
-/// None is read: the archive's format is a feature that is off.
+/// Refuse: archives need a feature that is off.
 #[cfg(not(feature = "npz"))]
 pub(super) fn read(
     _: &File,
@@ -41,7 +41,7 @@ pub(super) fn read(
     ))
 }
 
-/// The arrays of an archive.
+/// Names of the arrays in an archive.
 #[cfg(feature = "npz")]
 pub(super) fn names(file: &File) -> Result<Vec<String>, String> {
     let archive = zip::ZipArchive::new(std::io::BufReader::new(file))

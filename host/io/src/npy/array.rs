@@ -1,4 +1,4 @@
-//! Arrays of numbers of any kind and shape, alone in a `.npy` file or named in a `.npz` archive.
+//! Arrays of numbers of any type and shape, in a `.npy` file or a `.npz` archive.
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -12,31 +12,31 @@ use super::range::Range;
 use crate::input::open_file;
 use subaperture_model::phase_history::ReadError;
 
-/// An array, its last index fastest.
+/// Array in C order, last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// Its sizes; none for a single number.
+    /// Size of each dimension; empty for a single number.
     pub shape: Vec<usize>,
-    /// Its values, as many as the product of its sizes.
+    /// Values, as many as the product of the sizes.
     pub values: Values,
 }
 
-/// The values of an array.
+/// Values of an array.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Integers of up to 32 bits and floats of 16 to 64. Wider integers too, if float64 holds them exactly.
+    /// Integers of up to 32 bits, floats of 16 to 64 bits, and wider integers that float64 represents exactly.
     Real(Vec<f64>),
-    /// Complex numbers, complex128 rounded to complex64; also of records of two equal numbers, real part first, as complex integers
-    /// and half-precision complex numbers are saved.
+    /// Complex numbers, complex128 rounded to complex64. Records of two equal numbers, real part first, also count:
+    /// complex integers and half-precision complex numbers are saved in this form.
     Complex(Vec<Complex32>),
 }
 
 impl Array {
-    /// Reads an array of a file. `name` chooses one of an archive, with or without its `.npy`. No more
-    /// than `memory_bytes` is held. Values may be NaN.
+    /// Read an array from a file. `name` selects one from an archive, with or without its suffix `.npy`. At most
+    /// `memory_bytes` of memory are used. Values may be NaN.
     ///
     /// # Errors
-    /// [`ReadError`]: not such a file, no array of that name, a kind that is not a number, more than
+    /// [`ReadError`] if it is not an array file, has no array of that name or no numeric type, or needs more than
     /// `memory_bytes`.
     pub fn read(path: &Path, name: Option<&str>, memory_bytes: u64) -> Result<Self, ReadError> {
         let io = ReadError::io(path);
@@ -59,7 +59,7 @@ impl Array {
         archive::read(&file, name, read).unwrap_or_else(|what| Err(unsuited(what)))
     }
 
-    /// The values, if they are real.
+    /// Values of a real array.
     pub fn real(&self) -> Option<&[f64]> {
         match &self.values {
             Values::Real(values) => Some(values),
@@ -73,23 +73,23 @@ impl Array {
         let kind = header.kind.trim_matches('\'').to_owned();
         let Some(element) = Element::of(&kind) else {
             return Err(unsuited(format!(
-                "holds type '{kind}'; numbers are expected: integers, floats or complex numbers, or records of two equal ones \
+                "expected integers, floats, complex numbers, or records of two equal numbers, found type '{kind}' \
                  (real part, imaginary part), little-endian"
             )));
         };
         let (Some(sizes), "False") = (&header.sizes, header.order.as_str()) else {
             return Err(unsuited(format!(
-                "has fortran_order {} and shape {}; C order is expected: numpy.ascontiguousarray(a)",
+                "expected C order (numpy.ascontiguousarray(a)), found fortran_order {} and shape {}",
                 header.order, header.shape
             )));
         };
-        // Without zeros, so that no product of some of the sizes is too large for whoever reads the shape.
+        // Zero sizes are skipped, so that no partial product overflows for readers of the shape.
         let product = sizes.iter().fold(1u128, |product, &size| {
             product.saturating_mul(u128::from(size.max(1)))
         });
         if product > usize::MAX as u128 {
             return Err(unsuited(format!(
-                "has shape {}: no machine holds so many values",
+                "shape {} has more values than can be addressed",
                 header.shape
             )));
         }
@@ -97,12 +97,12 @@ impl Array {
         let needed = count.saturating_mul(8);
         if needed > u128::from(memory_bytes) {
             return Err(unsuited(format!(
-                "its {count} values need {needed} bytes of memory and {memory_bytes} are left: \
+                "{count} values need {needed} bytes of memory, but {memory_bytes} are left: \
                  allow more memory"
             )));
         }
         let mut values = element.no_values();
-        // Piece by piece: a header may promise more than there is.
+        // Read in pieces, since the header may state more than the file contains.
         let mut bytes = vec![0; element.bytes * 4096];
         let mut left = count as usize;
         let mut range = Range::default();
@@ -125,12 +125,12 @@ impl Array {
     }
 }
 
-/// One kind of number.
+/// Type of a number.
 #[derive(Clone, Copy)]
 struct Element {
     kind: u8,
     bytes: usize,
-    /// A record of two.
+    /// Record of two.
     pair: bool,
 }
 
@@ -142,7 +142,7 @@ impl Element {
         else {
             return Self::plain(kind);
         };
-        // [('re','<i2'),('im','<i2')]: names and kinds between quotation marks.
+        // [('re','<i2'),('im','<i2')]: names and types are between quotation marks.
         let words: Vec<&str> = members.split('\'').collect();
         let &[_, _, _, first, _, _, _, second, _] = words.as_slice() else {
             return None;
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_every_kind() {
+    fn all_number_types_are_read() {
         let real = |file: Vec<u8>| read(&file).unwrap().real().unwrap().to_vec();
         assert_eq!(
             real(file("<i2", "(2,)", &[0xff, 0xff, 1, 2])),
@@ -299,10 +299,10 @@ mod tests {
     }
 
     #[test]
-    fn complex_values_that_float32_does_not_hold_are_refused() {
+    fn complex_values_outside_float32_range_are_refused() {
         for (value, part) in [
-            (1e300f64, "beyond the largest of float32"),
-            (1e-300, "largest value is 1e-300"),
+            (1e300f64, "beyond the float32 maximum"),
+            (1e-300, "the largest value is 1e-300"),
         ] {
             let bytes = [0f64, 0.0, value, 0.0].map(f64::to_le_bytes).concat();
             let error = read(&file("<c16", "(2,)", &bytes)).unwrap_err();
@@ -314,7 +314,7 @@ mod tests {
     fn unreadable_arrays_are_refused_with_a_reason() {
         for (file, part) in [
             (file(">i2", "(1,)", &[0, 0]), "type '>i2'"),
-            (file("<U8", "(1,)", &[0; 32]), "numbers are expected"),
+            (file("<U8", "(1,)", &[0; 32]), "expected integers"),
             (
                 file("<f8", "(1000000,1000000000000)", &[]),
                 "allow more memory",
@@ -322,7 +322,7 @@ mod tests {
             (file("<f8", "(126,)", &[]), "allow more memory"),
             (
                 file("<f8", "(65536,65,6553655553655,6536,0)", &[]),
-                "no machine",
+                "more values than can be addressed",
             ),
             (file("<f8", "(2,)", &[0; 15]), "failed to fill whole buffer"),
             (file("<f8", "(x,)", &[]), "shape (x,)"),

@@ -1,4 +1,4 @@
-//! An image whose `.npy` file is filled place by place, in any order.
+//! Image file (`.npy`) that is filled in any order.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -8,17 +8,17 @@ use num_complex::Complex32;
 use super::write::{Number, header};
 use subaperture_model::image::PixelBlock;
 
-/// A file of the image's full size, of zeros where nothing was put.
+/// File of the full image size; pixels not yet written are zero.
 #[derive(Debug)]
 pub(crate) struct Filling {
     file: File,
-    /// Bytes before the values.
+    /// Size of the header in bytes.
     start: u64,
     columns: usize,
 }
 
 impl Filling {
-    /// Makes an empty file one of an image of these rows and columns.
+    /// Turn an empty file into an image of zeros with these rows and columns.
     pub(crate) fn begin(mut file: File, [rows, columns]: [usize; 2]) -> io::Result<Self> {
         let header = header::<Complex32>(&[rows, columns]);
         file.write_all(&header)?;
@@ -31,7 +31,7 @@ impl Filling {
         })
     }
 
-    /// Writes a place's pixels, row-major.
+    /// Write the pixels of a block, row-major.
     pub(crate) fn put(&mut self, place: &PixelBlock, pixels: &[Complex32]) -> io::Result<()> {
         let [rows, columns] = place;
         assert_eq!(
@@ -49,7 +49,7 @@ impl Filling {
         Ok(())
     }
 
-    /// The file.
+    /// Return the file.
     pub(crate) fn into_file(self) -> File {
         self.file
     }

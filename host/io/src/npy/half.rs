@@ -1,6 +1,6 @@
-//! Floats of 16 bits (IEEE 754 binary16).
+//! Half-precision floats (IEEE 754 binary16).
 
-/// The value of a half-precision float, exact in float64.
+/// Value of a half-precision float, exact in float64.
 pub(crate) fn half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));
     let magnitude = match exponent {
@@ -20,7 +20,7 @@ mod tests {
     use super::half;
 
     #[test]
-    fn halves_are_exact() {
+    fn half_precision_converts_exactly() {
         for (bits, value) in [
             (0x3c00, 1.0),
             (0xc000, -2.0),

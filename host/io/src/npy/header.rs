@@ -1,26 +1,26 @@
-//! The header of a NumPy array: a Python dictionary with just the keys `descr`, `fortran_order` and
-//! `shape`, in any order.
+//! Header of a NumPy array: a Python dictionary with exactly the keys `descr`, `fortran_order` and `shape`, in any
+//! order.
 
 use std::io::{self, Read};
 
 /// First bytes of an NPY file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// What a header says, as it says it.
+/// Header with values as written.
 pub(super) struct Header {
-    /// Bytes before the data.
+    /// Size of the header in bytes.
     pub(super) bytes: u64,
-    /// `'<c8'`.
+    /// Type, such as `'<c8'`.
     pub(super) kind: String,
-    /// `False` or `True`.
+    /// Memory order: `False` or `True`.
     pub(super) order: String,
-    /// `(2,3)`.
+    /// Shape, such as `(2,3)`.
     pub(super) shape: String,
-    /// The shape's sizes, if it is one.
+    /// Sizes of the shape, if it is valid.
     pub(super) sizes: Option<Vec<u64>>,
 }
 
-/// Why a header was not read.
+/// Reason why a header was not read.
 pub(super) enum HeaderError {
     Io(io::Error),
     Unsuited(String),
@@ -36,7 +36,7 @@ impl Header {
             Some([1, 0, ..]) => return Err(unsuited("truncated within its header")),
             Some([major, minor, ..]) => {
                 return Err(HeaderError::Unsuited(format!(
-                    "NumPy format {major}.{minor}; 1.0, as numpy.save writes of a plain array, is read"
+                    "expected NumPy format 1.0, as numpy.save writes a plain array, found {major}.{minor}"
                 )));
             }
             _ => return Err(unsuited("not a NumPy array file (.npy)")),

@@ -1,9 +1,8 @@
-//! NumPy arrays: images and recordings' arrays, read and written.
+//! NumPy arrays: images and arrays of recordings, read and written.
 //!
-//! Format 1.0 (NumPy enhancement proposal 1). An image is of type `<c8`, C order, two dimensions: rows
-//! (y or range ascending) x columns (x or angle ascending). `numpy.load` gives the image as it is
-//! here. [`Array`] is any array of numbers, alone or in an archive (`.npz`); [`ArrayWriter`] writes one
-//! a few values at a time.
+//! Format 1.0 (NumPy enhancement proposal 1). An image has type `<c8`, C order and two dimensions: rows (y or range
+//! ascending) x columns (x or angle ascending), unchanged by `numpy.load`. [`Array`] is any numeric array, in a file
+//! of its own or in an archive (`.npz`); [`ArrayWriter`] writes an array a few values at a time.
 //!
 //! (Why not a crate: `npyz` 0.9.1 panics on a shape whose product overflows, before a caller can see
 //! the shape, and brings 36 crates with a parser of all Python literals. One kind of header is a
@@ -37,15 +36,15 @@ pub use on_disk::ImageFile;
 pub(crate) use range::Range;
 pub use write::{ArrayWriter, Number};
 
-/// Bytes of the file that [`write()`] makes of an image of this many pixels.
+/// Size of the file that [`write()`] writes for an image of this many pixels, in bytes.
 pub fn file_bytes(num_pixels: u64) -> u64 {
     num_pixels.saturating_mul(8).saturating_add(128)
 }
 
-/// Writes `image` to a stream.
+/// Write `image` to a stream.
 ///
 /// # Errors
-/// Those of the stream.
+/// Errors of the stream.
 pub fn write_to(stream: impl Write, image: &Image) -> io::Result<()> {
     let (rows, columns) = (image.rows, image.columns);
     if rows.checked_mul(columns) != Some(image.pixels.len()) {
@@ -62,7 +61,7 @@ pub fn write_to(stream: impl Write, image: &Image) -> io::Result<()> {
     writer.finish()
 }
 
-/// Writes `image` to a file, complete or not at all.
+/// Write `image` to a file atomically.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -71,8 +70,7 @@ pub fn write(path: &Path, image: &Image) -> Result<(), WriteError> {
     write_atomically(path, bytes, |file| write_to(file, image))
 }
 
-/// Reads an image. No more memory is asked for than the file has bytes. Values are not checked:
-/// they may be NaN.
+/// Read an image. Memory is allocated only for bytes that the file contains. Values may be NaN.
 ///
 /// # Errors
 /// [`ReadError`].
@@ -80,10 +78,10 @@ pub fn read(path: &Path) -> Result<Image, ReadError> {
     ImageFile::open(path)?.read()
 }
 
-/// The arrays of an archive (`.npz`), by their names without `.npy`.
+/// Names of the arrays in an archive (`.npz`), without `.npy`.
 ///
 /// # Errors
-/// [`ReadError`]: no such archive.
+/// [`ReadError`] if it is not an archive.
 #[cfg(feature = "npz")]
 pub fn names(path: &Path) -> Result<Vec<String>, ReadError> {
     let opened = open_file(path).map_err(ReadError::io(path))?;
@@ -99,8 +97,8 @@ fn image_shape(header: &Header) -> Result<(u64, u64), String> {
     ) {
         ("'<c8'", "False", Some(&[rows, columns])) => Ok((rows, columns)),
         (kind, order, _) => Err(format!(
-            "holds type {kind}, fortran_order {order}, shape {}; an image, '<c8' (complex64) of two \
-             dimensions in C order, is expected: numpy.ascontiguousarray(a, 'complex64')",
+            "found type {kind}, fortran_order {order}, shape {}; expected an image, '<c8' (complex64) of two \
+             dimensions in C order: numpy.ascontiguousarray(a, 'complex64')",
             header.shape
         )),
     }

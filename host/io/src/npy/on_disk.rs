@@ -1,4 +1,4 @@
-//! An image in a `.npy` file, read part by part.
+//! Image in a `.npy` file, read in parts.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -15,32 +15,32 @@ use subaperture_model::image::{
 };
 use subaperture_model::phase_history::ReadError;
 
-/// Bytes that are read at a time.
+/// Bytes read at a time.
 const READ_BYTES: usize = 1 << 16;
 
-/// A complex64 image in an open file.
+/// Open complex64 image file.
 #[derive(Debug)]
 pub struct ImageFile {
     path: PathBuf,
     file: Mutex<File>,
     stamp: Stamp,
-    /// Bytes before the values.
+    /// Size of the header in bytes.
     start: u64,
     rows: usize,
     columns: usize,
 }
 
 impl ImageFile {
-    /// Opens a file and reads its header.
+    /// Open a file and read its header.
     ///
     /// # Errors
-    /// [`ReadError`] if it is no image, or has not as many bytes as its header says.
+    /// [`ReadError`] if it is not an image, or shorter than its header states.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let file = open_file(path).map_err(ReadError::io(path))?;
         Self::of(file, path)
     }
 
-    /// [`Self::open`] of a file that is open, from its start.
+    /// Like [`Self::open`], for a file that is already open, read from its start.
     pub(crate) fn of(file: File, path: &Path) -> Result<Self, ReadError> {
         let io = ReadError::io(path);
         let unsuited = |what: String| ReadError::malformed(path, what);
@@ -55,7 +55,7 @@ impl ImageFile {
         let present = file_bytes.saturating_sub(header.bytes);
         if needed != u128::from(present) {
             return Err(unsuited(format!(
-                "{rows} x {columns} complex64 values need {needed} bytes after the header, but the file has {present}"
+                "{rows} x {columns} complex64 values: expected {needed} bytes after the header, found {present}"
             )));
         }
         Ok(Self {
@@ -68,7 +68,7 @@ impl ImageFile {
         })
     }
 
-    /// All of it. No more memory is asked for than the file has bytes.
+    /// Read the whole image. Memory is allocated only for bytes that the file contains.
     ///
     /// # Errors
     /// [`ReadError`].
@@ -104,7 +104,7 @@ impl ImageFile {
         }
         if let Some(how) = self.stamp.difference(&file).map_err(&io)? {
             return Err(unsuited(format!(
-                "was changed while it was read ({how}): start again when it is whole"
+                "was changed while it was read ({how}): start again when it is complete"
             )));
         }
         Ok(Image {
@@ -115,7 +115,7 @@ impl ImageFile {
     }
 }
 
-/// A value of eight bytes.
+/// Decode a value of eight bytes.
 fn value(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> Complex32 {
     Complex32::new(
         f32::from_le_bytes([a, b, c, d]),
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn windows_are_those_of_the_whole() {
+    fn windows_equal_parts_of_whole_image() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npy");
         let image = Image {
@@ -157,7 +157,7 @@ mod tests {
         for place in [[1..4, 1..3], [0..5, 0..4], [4..5, 3..4], [2..4, 0..4]] {
             assert_eq!(file.window(&place).unwrap(), image.window(&place).unwrap());
         }
-        // Rows longer than what is read at a time, and not a multiple of it.
+        // Rows longer than a read, and not a multiple of it.
         let image = Image {
             rows: 3,
             columns: 20_001,

@@ -1,20 +1,21 @@
-//! Values that float32 does not hold: samples are complex64 once they are read.
+//! Check of float64 values for the range of float32, since samples are stored as complex64.
 
-/// Largest value below which float32 loses what is far below it: 2^-100. The least normal float32 is 2^-126, so that 78 dB and 13 bits are left.
+/// Smallest useful maximum value, 2^-100. The smallest normal float32 is 2^-126, so 78 dB or 13 bits of precision
+/// remain below it.
 const LEAST: f64 = 1.0 / (1u128 << 100) as f64;
 
-/// What values were like, as they are in a file.
+/// Range of the values of an array.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Range {
-    /// The largest that is finite.
+    /// Largest finite value.
     largest: f64,
     count: usize,
-    /// The first that is finite and beyond float32: which, and its value.
+    /// Index and value of the first finite value beyond float32.
     beyond: Option<(usize, f64)>,
 }
 
 impl Range {
-    /// Takes a part of the next value.
+    /// Include the parts of the next value.
     pub(crate) fn take(&mut self, parts: &[f64]) {
         for &part in parts {
             if part.is_finite() {
@@ -27,16 +28,16 @@ impl Range {
         self.count += 1;
     }
 
-    /// What is wrong with the values as complex64 in words, and what to do.
+    /// Fault of the values as complex64, with its remedy.
     pub(crate) fn fault(&self) -> Option<String> {
         if let Some((n, value)) = self.beyond {
             return Some(format!(
-                "value {n} is {value:e}, beyond the largest of float32 (3.4e38): divide all values by one number"
+                "value {n} is {value:e}, beyond the float32 maximum (3.4e38): divide all values by one number"
             ));
         }
         (self.largest > 0.0 && self.largest < LEAST).then(|| {
             format!(
-                "its largest value is {:e}, so small that float32 loses what is below it (values from {LEAST:.1e} on are kept well): multiply all values by one number",
+                "the largest value is {:e}, below {LEAST:.1e}, where float32 loses precision: multiply all values by one number",
                 self.largest
             )
         })
@@ -48,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_that_float32_does_not_hold_are_named() {
+    fn values_outside_float32_range_are_named() {
         let fault = |values: &[[f64; 2]]| {
             let mut range = Range::default();
             values.iter().for_each(|parts| range.take(parts));

@@ -7,15 +7,15 @@ use num_complex::Complex32;
 
 use super::header::MAGIC;
 
-/// A kind of number that arrays are written of, little-endian.
+/// Number type of written arrays, little-endian.
 pub trait Number: Copy {
-    /// NumPy's name of it.
+    /// NumPy's name of the type.
     const KIND: &'static str;
 
-    /// Writes one.
+    /// Write a value.
     ///
     /// # Errors
-    /// Those of the stream.
+    /// Errors of the stream.
     fn write(self, stream: &mut impl Write) -> io::Result<()>;
 }
 
@@ -36,17 +36,17 @@ impl Number for Complex32 {
     }
 }
 
-/// The header of an array of this shape.
+/// Header of an array of this shape.
 pub(super) fn header<T: Number>(shape: &[usize]) -> Vec<u8> {
     let sizes: Vec<String> = shape.iter().map(usize::to_string).collect();
-    // Of one size Python wants a comma behind it.
+    // A Python tuple of one element needs a trailing comma.
     let comma = if shape.len() == 1 { "," } else { "" };
     let text = format!(
         "{{'descr': '{}', 'fortran_order': False, 'shape': ({}{comma}), }}",
         T::KIND,
         sizes.join(", ")
     );
-    // NumPy wants the data to begin at a multiple of 64, behind a newline.
+    // NumPy requires the data to begin at a multiple of 64 bytes, after a newline.
     let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
     let mut bytes = MAGIC.to_vec();
     bytes.extend([1, 0]);
@@ -55,22 +55,22 @@ pub(super) fn header<T: Number>(shape: &[usize]) -> Vec<u8> {
     bytes
 }
 
-/// An array that is being written, in C order: the last axis is fastest.
+/// Writer of an array in C order (last axis fastest).
 pub struct ArrayWriter<W: Write, T> {
     stream: BufWriter<W>,
-    /// Values to come.
+    /// Number of values not yet written.
     left: usize,
     kind: PhantomData<T>,
 }
 
 impl<W: Write, T: Number> ArrayWriter<W, T> {
-    /// Begins an array of this shape.
+    /// Begin an array of this shape.
     ///
     /// # Errors
-    /// Those of the stream.
+    /// Errors of the stream.
     ///
     /// # Panics
-    /// If the shape has more than `usize::MAX` values.
+    /// Panics if the shape has more than `usize::MAX` values.
     pub fn new(stream: W, shape: &[usize]) -> io::Result<Self> {
         let left = shape
             .iter()
@@ -84,29 +84,29 @@ impl<W: Write, T: Number> ArrayWriter<W, T> {
         })
     }
 
-    /// Writes the next values.
+    /// Write the next values.
     ///
     /// # Errors
-    /// Those of the stream.
+    /// Errors of the stream.
     ///
     /// # Panics
-    /// If they are more than the shape has.
+    /// Panics if there are more values than the shape has.
     pub fn put(&mut self, values: &[T]) -> io::Result<()> {
         let left = self.left.checked_sub(values.len());
-        self.left = left.expect("no more values than the shape has");
+        self.left = left.expect("at most as many values as the shape has");
         for value in values {
             value.write(&mut self.stream)?;
         }
         Ok(())
     }
 
-    /// Ends the array.
+    /// Finish the array.
     ///
     /// # Errors
-    /// Those of the stream.
+    /// Errors of the stream.
     ///
     /// # Panics
-    /// If values are missing.
+    /// Panics if values are missing.
     pub fn finish(mut self) -> io::Result<()> {
         assert_eq!(self.left, 0, "values are missing");
         self.stream.flush()
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bytes_are_those_of_numpy() {
+    fn written_bytes_equal_numpy_save() {
         let mut bytes = Vec::new();
         let mut writer = ArrayWriter::new(&mut bytes, &[3]).unwrap();
         writer.put(&[1.0, -2.5]).unwrap();

@@ -1,30 +1,31 @@
-//! When and where the antennas were: some pulses of the recording, by which an image is told of in formats that want the way of the radar.
+//! Antenna positions over time at selected pulses of the recording, for image formats that store the radar's
+//! trajectory.
 
 use glam::DVec3;
 use serde_json::{Value, json};
 
 use subaperture_model::phase_history::PhaseHistory;
 
-/// Pulses that are kept: a polynomial of fifth order has twenty of them for each of its numbers.
+/// Maximum number of pulses: twenty per coefficient of a fifth-order polynomial.
 const MOST: usize = 129;
 
-/// Moments and places of antennas, of pulses from the first to the last: of several channels those of the first.
+/// Times and antenna positions of pulses from first to last. For several channels, those of the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Antennas {
-    /// When time 0 was, nanoseconds since the beginning of 1970, as UTC counts; none where the recording does not say.
+    /// UTC of time 0 in nanoseconds since 1970. `None` if the recording does not state it.
     pub start_ns: Option<i64>,
-    /// Whether times are known; if not, they are numbers of pulses.
+    /// Whether times are known. If not, they are pulse numbers.
     pub timed: bool,
-    /// Seconds.
+    /// Times in seconds.
     pub times_s: Vec<f64>,
-    /// Transmitting antennas, metres in the scene frame.
+    /// Transmitting antenna positions in metres in the scene frame.
     pub transmitters_m: Vec<DVec3>,
-    /// Receiving antennas.
+    /// Receiving antenna positions in metres in the scene frame.
     pub receivers_m: Vec<DVec3>,
 }
 
 impl Antennas {
-    /// Those of a recording.
+    /// Select the antenna positions of a recording.
     pub fn of(history: &dyn PhaseHistory) -> Self {
         let collection = history.collection();
         let turns = collection.num_turns();
@@ -40,7 +41,7 @@ impl Antennas {
         }
     }
 
-    /// As a record has them.
+    /// Convert to JSON for a record.
     pub fn to_json(&self) -> Value {
         let numbers = |all: &[DVec3]| all.iter().map(|v| v.to_array()).collect::<Vec<_>>();
         let mut value = json!({
@@ -55,7 +56,7 @@ impl Antennas {
         value
     }
 
-    /// Of a record's `antennas`; none of one that has no such, or none that make sense.
+    /// Read the `antennas` of a record. `None` if they are missing or invalid.
     pub fn of_json(value: &Value) -> Option<Self> {
         let vector = |v: &Value| {
             let at = |k: usize| v[k].as_f64().filter(|x| x.is_finite());
@@ -98,7 +99,7 @@ mod tests {
     use subaperture_model::phase_history::{Collection, InMemory, Pulse, Sweep};
 
     #[test]
-    fn first_and_last_are_kept_and_records_read_back() {
+    fn first_and_last_pulse_are_selected_and_read_back() {
         let pulse = |n: usize| Pulse {
             time_s: 0.1 * n as f64,
             transmitter_m: DVec3::new(n as f64, 1.0, 2.0),

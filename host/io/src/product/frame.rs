@@ -1,4 +1,4 @@
-//! Where an image's scene lies, read back from its record.
+//! Scene frame of an image, read from its record.
 
 use glam::DVec3;
 use serde_json::Value;
@@ -8,7 +8,7 @@ use subaperture_model::geometry::SceneFrame;
 /// The `frame` of an image's record (`image.json`).
 ///
 /// # Errors
-/// What is wrong with it.
+/// Description of the fault.
 pub fn frame_of(metadata: &Value) -> Result<SceneFrame, String> {
     let frame = &metadata["frame"];
     let vector = |name: &str| {
@@ -17,7 +17,7 @@ pub fn frame_of(metadata: &Value) -> Result<SceneFrame, String> {
             .and_then(|list| list.iter().map(Value::as_f64).collect());
         match numbers.as_deref() {
             Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-            _ => Err(format!("frame.{name} is missing or no three numbers")),
+            _ => Err(format!("frame.{name}: expected three numbers")),
         }
     };
     match frame["kind"].as_str() {
@@ -30,10 +30,10 @@ pub fn frame_of(metadata: &Value) -> Result<SceneFrame, String> {
             };
             match frame.is_sound() {
                 true => Ok(frame),
-                false => Err("frame: its axes are not orthogonal unit vectors".to_owned()),
+                false => Err("frame: expected axes that are orthogonal unit vectors".to_owned()),
             }
         }
-        _ => Err("frame.kind is neither local nor earth".to_owned()),
+        _ => Err("frame.kind: expected local or earth".to_owned()),
     }
 }
 
@@ -43,7 +43,7 @@ mod tests {
     use crate::product::record;
 
     #[test]
-    fn frames_are_read_as_they_are_written() {
+    fn written_frames_read_back() {
         let earth = SceneFrame::Earth {
             origin_ecf_m: DVec3::new(6_378_137.0, 0.1, -0.2),
             x_axis_ecf: DVec3::Y,
@@ -53,7 +53,7 @@ mod tests {
             let metadata = serde_json::json!({ "frame": record::frame(&frame) });
             assert_eq!(frame_of(&metadata), Ok(frame));
         }
-        for (text, told) in [
+        for (text, part) in [
             ("{}", "kind"),
             (
                 r#"{"frame":{"kind":"earth","origin_ecf_m":[1,2]}}"#,
@@ -65,7 +65,7 @@ mod tests {
             ),
         ] {
             let wrong = frame_of(&serde_json::from_str(text).unwrap()).unwrap_err();
-            assert!(wrong.contains(told), "{wrong}");
+            assert!(wrong.contains(part), "{wrong}");
         }
     }
 }

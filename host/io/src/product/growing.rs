@@ -1,5 +1,5 @@
-//! A product whose image is larger than memory: its `image.npy` is filled place by place, then read as it lies, and the product
-//! is in its place, complete, at the end alone.
+//! Product whose image is larger than memory. Its `image.npy` is filled block by block and then read from disk; the
+//! complete product is renamed into place at the end.
 //!
 //! ```text
 //! Growing ── put (place, pixels) ──> finish ──> Grown (read part by part: picture, measures) ── write ──> the folder
@@ -16,7 +16,7 @@ use crate::npy::{self, Filling, ImageFile};
 use crate::staging::Staged;
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
-/// A product on its way. Gone when dropped.
+/// Product being filled. Removed when dropped.
 #[derive(Debug)]
 pub struct PendingProduct {
     image: Filling,
@@ -25,10 +25,10 @@ pub struct PendingProduct {
 }
 
 impl PendingProduct {
-    /// Begins a product with an image of these rows and columns, of zeros where nothing is put.
+    /// Begin a product with an image of these rows and columns, all zero.
     ///
     /// # Errors
-    /// [`WriteError`], also if the disk has no room for it.
+    /// [`WriteError`], also if the disk has no room for the image.
     pub fn begin(folder: &Path, [rows, columns]: [usize; 2]) -> Result<Self, WriteError> {
         let bytes = npy::file_bytes((rows as u64).saturating_mul(columns as u64));
         let staged = Staged::begin(folder, bytes)?;
@@ -42,22 +42,22 @@ impl PendingProduct {
         })
     }
 
-    /// Writes a place's pixels, row-major.
+    /// Write the pixels of a block, row-major.
     ///
     /// # Errors
     /// [`WriteError`].
     ///
     /// # Panics
-    /// If there are not as many pixels as the place has.
+    /// Panics if the number of pixels differs from that of the block.
     pub fn put(&mut self, place: &PixelBlock, pixels: &[Complex32]) -> Result<(), WriteError> {
         let put = self.image.put(place, pixels);
         put.map_err(|source| self.staged.failed(IMAGE, source))
     }
 
-    /// The image as it is now, whole.
+    /// Finish the image.
     ///
     /// # Errors
-    /// [`WriteError`] if it cannot be forced to the disk, or read again.
+    /// [`WriteError`] if it cannot be synced or read back.
     pub fn finish(self) -> Result<CompleteProduct, WriteError> {
         let Self {
             image,
@@ -76,23 +76,23 @@ impl PendingProduct {
     }
 }
 
-/// A product whose image is whole, and that is to be written. Gone when dropped.
+/// Product with a complete image, ready to be written. Removed when dropped.
 #[derive(Debug)]
 pub struct CompleteProduct {
     image: ImageFile,
-    /// Size and CRC-32 of its file.
+    /// Size and CRC-32 of the image file.
     about: Value,
     staged: Staged,
 }
 
 impl CompleteProduct {
-    /// Writes record and picture (the bytes of a PNG file, or none) and moves all into place.
+    /// Write record and picture (the bytes of a PNG file, or empty) and rename all files into place.
     ///
     /// # Errors
     /// [`WriteError`], as [`super::Product::write`].
     ///
     /// # Panics
-    /// If `metadata` is not an object.
+    /// Panics if `metadata` is not an object.
     pub fn write(self, metadata: &Value, quicklook: &[u8]) -> Result<(), WriteError> {
         commit(finish(self.staged, self.about, metadata, quicklook)?)
     }
@@ -122,7 +122,7 @@ mod tests {
     use subaperture_model::image::Tiling;
 
     #[test]
-    fn a_product_that_grew_is_that_of_one_written_at_once() {
+    fn pending_product_equals_product_written_at_once() {
         let grid: ImageGrid = "x=0:7:1,y=0:5:1".parse().unwrap();
         let image = Image {
             rows: 5,
@@ -164,7 +164,7 @@ mod tests {
         }
         assert_eq!(product::read(&grown).unwrap().image, image);
 
-        // One that is given up leaves what was there.
+        // An abandoned product leaves the existing one unchanged.
         let mut lost = PendingProduct::begin(&grown, [5, 7]).unwrap();
         lost.put(&[0..5, 0..7], &[Complex32::ONE; 35]).unwrap();
         drop(lost);

@@ -1,4 +1,4 @@
-//! A product read back: image, grid and metadata, checked to belong together.
+//! Reader of products: image, grid and metadata, checked to belong together.
 
 use std::fs::File;
 use std::io::{self, Seek};
@@ -17,47 +17,47 @@ use subaperture_model::geometry::{Axis, ImageGrid, Relief};
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 use subaperture_model::phase_history;
 
-/// Bounds on `image.json`: of a plane it has some kilobytes, and a surface is one string of up to 3.5 MB.
+/// Limits on `image.json`: some kilobytes for a plane; a surface is one string of up to 3.5 MB.
 pub const RECORD_LIMITS: Limits = Limits {
     bytes: 4 << 20,
     string_bytes: 4 << 20,
     value_bytes: 5 << 20,
 };
 
-/// What a folder holds.
+/// Product read into memory.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct StoredProduct {
-    /// The image.
+    /// Image.
     pub image: Image,
-    /// Its grid.
+    /// Grid of the image.
     pub grid: ImageGrid,
-    /// The whole of `image.json`.
+    /// Content of `image.json`.
     pub metadata: Value,
 }
 
-/// What a folder holds, pixels still in their files.
+/// Product with its pixels on disk.
 #[derive(Debug)]
 pub struct OpenProduct {
-    /// The image.
+    /// Image.
     pub pixels: Pixels,
-    /// Its grid.
+    /// Grid of the image.
     pub grid: ImageGrid,
-    /// The whole of `image.json`.
+    /// Content of `image.json`.
     pub metadata: Value,
 }
 
-/// An image in its files.
+/// Image on disk.
 #[derive(Debug)]
 pub enum Pixels {
-    /// One array.
+    /// Single array.
     Array(ImageFile),
     /// Tiles.
     Tiles(TileStore),
 }
 
 impl Pixels {
-    /// All of it.
+    /// Read the whole image.
     ///
     /// # Errors
     /// [`ReadError`].
@@ -93,38 +93,38 @@ impl ImageSource for Pixels {
     }
 }
 
-/// Why a product was not read.
+/// Reason why a product was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
     /// The operating system reported an error.
     #[error("cannot read {}: {source}{}", path.display(), advice(source))]
     Io {
-        /// Path of the file that failed.
+        /// Path of the file.
         path: PathBuf,
-        /// Cause.
+        /// Error of the system.
         source: io::Error,
     },
-    /// `image.json` is not that of a product.
+    /// `image.json` does not belong to a product.
     #[error("{}: {what}", path.display())]
     Metadata {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the fault.
         what: String,
     },
-    /// The image is not the one that the metadata are of.
-    #[error("{}: {what}, so it is not the image that {METADATA} describes: form it again", path.display())]
+    /// The image differs from the one described by the metadata.
+    #[error("{}: {what}: it is not the image described by {METADATA}; form it again", path.display())]
     Changed {
-        /// The image's file.
+        /// Path of the image file.
         path: PathBuf,
-        /// How that shows.
+        /// Difference found.
         what: String,
     },
     /// The image is damaged.
     #[error(transparent)]
     Npy(#[from] phase_history::ReadError),
-    /// A tile of it is.
+    /// A tile of the image is damaged.
     #[error(transparent)]
     Tiles(#[from] StoreError),
 }
@@ -136,10 +136,10 @@ fn advice(source: &io::Error) -> &'static str {
     }
 }
 
-/// Reads a folder that [`super::Product::write`] has left, whose metadata hold a grid.
+/// Read a folder written by [`super::Product::write`], whose metadata contain a grid.
 ///
 /// # Errors
-/// [`ReadError`], also if the image's size or CRC-32 is not what the metadata say.
+/// [`ReadError`], also if the size or CRC-32 of the image differs from the metadata.
 pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     let OpenProduct {
         pixels,
@@ -153,26 +153,27 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     })
 }
 
-/// Opens such a folder without keeping its pixels, which may be more than memory holds.
+/// Open such a folder and leave the pixels on disk.
 ///
 /// # Errors
-/// As [`read`]; of tiles, size and CRC-32 are looked at when they are read.
+/// As [`read`]; size and CRC-32 of tiles are checked when they are read.
 pub fn open(folder: &Path) -> Result<OpenProduct, ReadError> {
     open_how(folder, true)
 }
 
-/// [`open`] without reading an array's pixels at all, so that it is done at once however many they are: [`verify`] does the rest.
+/// Like [`open`], without reading the pixels of an array, so that the time does not depend on its size. [`verify`]
+/// completes the check.
 ///
 /// # Errors
-/// As [`open`], but for an array's CRC-32.
+/// As [`open`], except for an array's CRC-32.
 pub fn open_unread(folder: &Path) -> Result<OpenProduct, ReadError> {
     open_how(folder, false)
 }
 
-/// Reads all of an array in the folder of a product that was opened unread, for its size and CRC-32; of tiles there is nothing to do.
+/// Read a whole array of a product opened by [`open_unread`] and check its size and CRC-32. Does nothing for tiles.
 ///
 /// # Errors
-/// [`ReadError`] if it is not what the metadata say.
+/// [`ReadError`] if they differ from the metadata.
 pub fn verify(folder: &Path, metadata: &Value) -> Result<(), ReadError> {
     match metadata["files"][tiles::NAME].is_null() {
         true => open_image(folder, metadata, true).map(drop),
@@ -180,7 +181,7 @@ pub fn verify(folder: &Path, metadata: &Value) -> Result<(), ReadError> {
     }
 }
 
-/// The record of an image, `image.json`, of any kind.
+/// Record `image.json` of any kind of image.
 ///
 /// # Errors
 /// [`ReadError::Io`], [`ReadError::Metadata`].
@@ -196,7 +197,7 @@ pub fn record(folder: &Path) -> Result<Value, ReadError> {
         return Err(ReadError::Metadata {
             path,
             what: format!(
-                "more than {} bytes: no record of an image is so long",
+                "expected at most {} bytes for the record of an image, found more",
                 RECORD_LIMITS.bytes
             ),
         });
@@ -220,7 +221,7 @@ fn open_how(folder: &Path, checked: bool) -> Result<OpenProduct, ReadError> {
     if metadata["grid"].is_null() {
         let kind = metadata["schema"].as_str().unwrap_or("unknown kind");
         return Err(wrong(format!(
-            "it holds no grid, for it is of {kind}; an image of subap focus is wanted"
+            "expected an image of subap focus with a grid, found {kind}"
         )));
     }
     let grid = grid(&metadata["grid"]).map_err(wrong)?;
@@ -234,7 +235,7 @@ fn open_how(folder: &Path, checked: bool) -> Result<OpenProduct, ReadError> {
     let (rows, columns) = pixels.size();
     if (rows, columns) != (grid.rows.count, grid.columns.count) {
         return Err(wrong(format!(
-            "its grid has {} rows x {} columns, the image {} x {}",
+            "the grid has {} rows x {} columns, but the image {} x {}",
             grid.rows.count, grid.columns.count, rows, columns
         )));
     }
@@ -245,9 +246,9 @@ fn open_how(folder: &Path, checked: bool) -> Result<OpenProduct, ReadError> {
     })
 }
 
-/// `image.npy`, checked if that is asked.
+/// Open `image.npy`, checked if requested.
 fn open_image(folder: &Path, metadata: &Value, checked: bool) -> Result<ImageFile, ReadError> {
-    // Opened once, so that what is checked is what is read, whatever is renamed into its place.
+    // Opened once, so that the checked file is the one that is read, even if another is renamed into its place.
     let image = folder.join(IMAGE);
     let mut file = open_file(&image).map_err(|source| ReadError::Io {
         path: image.clone(),
@@ -259,7 +260,7 @@ fn open_image(folder: &Path, metadata: &Value, checked: bool) -> Result<ImageFil
     Ok(ImageFile::of(file, &image)?)
 }
 
-/// `image.zarr`, whose tiles are checked when they are read.
+/// Open `image.zarr`, whose tiles are checked when they are read.
 fn open_tiles(folder: &Path) -> Result<TileStore, ReadError> {
     TileStore::open(folder)?.ok_or_else(|| ReadError::Changed {
         path: folder.join(tiles::NAME),
@@ -267,7 +268,7 @@ fn open_tiles(folder: &Path) -> Result<TileStore, ReadError> {
     })
 }
 
-/// Whether a file has the size and CRC-32 that the metadata say. Leaves it at its start.
+/// Compare size and CRC-32 of a file with the metadata. Leaves the file at its start.
 fn check(file: &mut File, path: &Path, about: &Value) -> Result<(), ReadError> {
     let failed = |source| ReadError::Io {
         path: path.to_owned(),
@@ -290,22 +291,22 @@ fn check(file: &mut File, path: &Path, about: &Value) -> Result<(), ReadError> {
     };
     match (about["bytes"].as_u64(), about["crc32"].as_str()) {
         (Some(stated), _) if stated != bytes => {
-            changed(format!("it has {bytes} bytes and not {stated}"))
+            changed(format!("expected {stated} bytes, found {bytes}"))
         }
         (Some(_), Some(stated)) if stated == crc32 => Ok(()),
-        (Some(_), Some(stated)) => changed(format!("its CRC-32 is {crc32} and not {stated}")),
-        _ => changed("no size and CRC-32 of it are recorded".to_owned()),
+        (Some(_), Some(stated)) => changed(format!("expected CRC-32 {stated}, found {crc32}")),
+        _ => changed("its size and CRC-32 are not recorded".to_owned()),
     }
 }
 
-/// A grid as `subap focus` records it, or in text form.
+/// Grid as recorded by `subap focus`, or in text form.
 fn grid(value: &Value) -> Result<ImageGrid, String> {
     if let Some(text) = value.as_str() {
         return text
             .parse()
-            .map_err(|_| format!("its grid is recorded as '{text}', which is no grid"));
+            .map_err(|_| format!("expected a grid, found '{text}'"));
     }
-    let missing = |what: &str| format!("grid.{what} is missing or not what subap focus writes");
+    let missing = |what: &str| format!("grid.{what} is missing or invalid");
     let axis = |name: &str| {
         let number = |key: &str| value[name][key].as_f64().filter(|v| v.is_finite());
         let count = value[name]["count"]
@@ -344,12 +345,12 @@ fn grid(value: &Value) -> Result<ImageGrid, String> {
     })
 }
 
-/// Heights over the grid's plane, where pixels do not lie in it.
+/// Heights above the plane of the grid, if pixels are not in the plane.
 fn relief(value: &Value) -> Result<Option<Relief>, String> {
     match value.is_null() {
         true => Ok(None),
         false => Relief::deserialize(value)
             .map(Some)
-            .map_err(|error| format!("grid.relief is none that subap focus writes: {error}")),
+            .map_err(|error| format!("grid.relief: {error}")),
     }
 }

@@ -1,4 +1,4 @@
-//! What `image.json` says: everything needed to know how an image came about, and to make it again.
+//! Content of `image.json`: everything needed to understand and reproduce an image.
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -8,72 +8,72 @@ use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
 use subaperture_model::phase_history::InputFile;
 
-/// Version of the record's layout; it grows when a reader would have to change.
+/// Version of the record's layout, incremented when readers have to change.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// What goes into the record of an image. Values are JSON, `null` where there is nothing to say.
+/// Content of the record of an image. JSON values are `null` where unknown.
 #[derive(Clone, Debug)]
 pub struct Record<'a> {
-    /// Program, version, time taken.
+    /// Program, version, run time.
     pub run: Value,
-    /// The command line, if there was one.
+    /// Command line, if any.
     pub command_line: Value,
-    /// Where the pixels lie.
+    /// Pixel grid.
     pub grid: &'a ImageGrid,
-    /// Where the scene lies.
+    /// Scene frame.
     pub frame: &'a SceneFrame,
-    /// What was given and what it came to: `algorithm`, `window`, `slow_window`, `resolved`.
+    /// Settings as given and as resolved: `algorithm`, `window`, `slow_window`, `resolved`.
     pub settings: Value,
-    /// What is known of the recording: its survey.
+    /// Survey of the recording.
     pub collection: Value,
-    /// Pulses that stand for the recording's.
+    /// Pulses that represent the recording.
     pub support: Value,
-    /// When and where the antennas were ([`super::Antennas::to_json`]).
+    /// Antenna positions over time ([`super::Antennas::to_json`]).
     pub antennas: Value,
-    /// The files behind the image.
+    /// Input files of the image.
     pub inputs: &'a [InputFile],
-    /// `None` of an image of zeros.
+    /// Brightest pixel. `None` if all pixels are zero.
     pub brightest: Option<Brightest>,
-    /// What the picture shows; `None` if there is none.
+    /// Annotations of the picture. `None` without a picture.
     pub picture: Option<Picture<'a>>,
-    /// The image's error, measured.
+    /// Measured error of the image.
     pub check: Value,
-    /// What its user has to know: a list of sentences.
+    /// Warnings, a list of sentences.
     pub warnings: Value,
 }
 
-/// What a picture shows beside the image.
+/// Annotations of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Picture<'a> {
-    /// Its title.
+    /// Title.
     pub title: &'a str,
-    /// From the radar to the scene, a unit vector of the scene frame.
+    /// Look direction from radar to scene, a unit vector in the scene frame.
     pub look: Option<DVec3>,
-    /// North, likewise.
+    /// North, a unit vector in the scene frame.
     pub north: Option<DVec3>,
 }
 
-/// The brightest pixel of an image.
+/// Brightest pixel of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brightest {
-    /// Where it is, metres in the scene frame.
+    /// Position in metres in the scene frame.
     pub position_m: [f64; 3],
-    /// Its magnitude, dB; 0 is a unit scatterer.
+    /// Magnitude in dB relative to a unit scatterer.
     pub level_db: f64,
-    /// Its row, from 0.
+    /// Row index from 0.
     pub row: usize,
-    /// Its column, from 0.
+    /// Column index from 0.
     pub column: usize,
 }
 
 impl Brightest {
-    /// `None` of an image of zeros.
+    /// Find the brightest pixel. `None` if all pixels are zero.
     pub fn of(image: &Image, grid: &ImageGrid) -> Option<Self> {
         let peak = image.peak()?;
         Self::at(grid, [peak.row, peak.column], power(peak.value))
     }
 
-    /// The pixel at this row and column, of which `|z|^2` is `power`. `None` if that is zero.
+    /// Brightest pixel from its row, column and power `|z|^2`. `None` if the power is zero.
     pub fn at(grid: &ImageGrid, [row, column]: [usize; 2], power: f64) -> Option<Self> {
         (power > 0.0).then(|| Self {
             position_m: grid.position_m(row, column).to_array(),
@@ -94,7 +94,7 @@ impl Brightest {
 }
 
 impl Record<'_> {
-    /// The record as JSON.
+    /// Convert the record to JSON.
     pub fn to_json(&self) -> Value {
         json!({
             "schema": "subaperture-image",
@@ -127,7 +127,7 @@ impl Record<'_> {
     }
 }
 
-/// A grid's axes and plane, and the surface over it, as [`super::read()`] reads them.
+/// Axes, plane and surface of a grid, as read by [`super::read()`].
 pub fn grid(grid: &ImageGrid) -> Value {
     let (columns, rows) = if grid.polar {
         ("angle in radians", "range in metres")
@@ -142,14 +142,14 @@ pub fn grid(grid: &ImageGrid) -> Value {
         "x_axis": grid.x_axis.to_array(),
         "y_axis": grid.y_axis.to_array(),
     });
-    // Where pixels lie in the plane nothing is said.
+    // Omitted for pixels in the plane.
     if let Some(relief) = &grid.relief {
         record["relief"] = json!(relief);
     }
     record
 }
 
-/// The scene frame.
+/// Scene frame in JSON.
 pub fn frame(frame: &SceneFrame) -> Value {
     match frame {
         SceneFrame::Local => json!({ "kind": "local" }),

@@ -18,7 +18,7 @@ use subaperture_signal::phase::{narrow, widen};
 /// nothing if no pulse is chosen.
 ///
 /// # Panics
-/// If `samples.len()` is not `width * over.len()`.
+/// Panics if `samples.len()` is not `width * over.len()`.
 pub fn remove_background(samples: &mut [Complex32], width: usize, over: &[bool]) {
     assert_eq!(samples.len(), width * over.len(), "one choice per pulse");
     let chosen = over.iter().filter(|&&chosen| chosen).count();

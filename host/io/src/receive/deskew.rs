@@ -33,14 +33,14 @@
 //! mixes with the conjugate.
 //!
 //! # Edges of the sweep
-//! A sweep with abrupt ends causes a Fresnel ripple over the whole band when filtered: at a time `u` from an edge, with
-//! the amplitude `1 / (2 pi sqrt(a) u)`; -31 dB next to the part that is cut, -70 dB in the middle. The raw sweep is
-//! therefore first faded in and out with the integral of a Gaussian of standard deviation `s = 1 / sqrt(2 pi a)`, which
-//! the filter widens to `s' = sqrt(s^2 + 1 / (2 pi a s)^2)`, `sqrt(2) s`, but not further. The edge lies `4 s` within
-//! the sweep (the remainder of the raw edge is 3e-5), and `4.4 s'` before the part that is kept (5e-6). A Gaussian
+//! A sweep with abrupt ends causes a Fresnel ripple over the whole band when filtered: at a time `u` from an edge,
+//! with the amplitude `1 / (2 pi sqrt(a) u)`; -31 dB next to the part that is cut, -70 dB in the middle. The raw
+//! sweep is therefore first faded in and out with the integral of a Gaussian of standard deviation `s = 1 / sqrt(2 pi
+//! a)`, which the filter widens to `s' = sqrt(s^2 + 1 / (2 pi a s)^2) = sqrt(2) s`. The edge lies `4 s` within the
+//! sweep (the remainder of the raw edge is 3e-5), and `4.4 s'` before the part that is kept (5e-6). A Gaussian
 //! shorter than a few samples is not representable, and its spectrum about a beat frequency of up to `a h` must end
-//! before half the sample rate. Therefore `s` is at least `0.6 / (sample_rate / 2 - a h)`, though this condition never
-//! requires more than `1.6 / sample_rate`.
+//! before half the sample rate. Therefore `s` is at least `0.6 / (sample_rate / 2 - a h)`, though this condition
+//! never requires more than `1.6 / sample_rate`.
 //!
 //! For delays `|e| <= h` in the scene, the edges move by up to `h`, and the change of `d_r` between pulses is added.
 //! The lost bandwidth is `2 a (h + 4 s + 4.4 s' + (max d_r - min d_r) / 2)`. The remaining ripple is below -90 dB near

@@ -94,7 +94,7 @@ pub trait Echoes: Sync + Send {
     /// are finite.
     ///
     /// # Panics
-    /// If the lengths disagree or `pulses.end` is beyond the last pulse.
+    /// Panics if the lengths disagree or `pulses.end` is beyond the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
     /// Whether the radar moves during a pulse, so that each sample has its own antenna positions and reference path.

@@ -60,7 +60,7 @@ fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Resul
     Err(source.recording.fault(
         "file",
         format!(
-            "{num_pulses} pulses of {num_samples} samples need {needed} bytes of memory and {left} are left: allow \
+            "{num_pulses} pulses of {num_samples} samples need {needed} bytes of memory, but {left} are left: allow \
              more, or choose fewer pulses"
         ),
     ))
@@ -228,7 +228,7 @@ impl Header<'_> {
     }
 }
 
-/// A whole history in memory, with reference paths without the bias.
+/// Complete phase history in memory, with reference paths that exclude the bias.
 fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String> {
     let mut collection = history.collection().clone();
     let count = collection.pulses.len();
@@ -299,7 +299,7 @@ fn remove(
         if over.iter().filter(|&&over| over).count() < 2 {
             return Err(recording.fault(
                 "background",
-                "fewer than two pulses are there to take a mean over: check background_first, background_count \
+                "fewer than two pulses to average: check background_first, background_count \
                  and moving_above",
             ));
         }
@@ -405,12 +405,12 @@ fn profiles(
     let centre_hz = values.optional_number("centre");
     match (samples.real, centre_hz) {
         (true, Some(_)) => {
-            return Err(values.fault("centre", "the profiles are real waveforms: leave it out"));
+            return Err(values.fault("centre", "the profiles are real waveforms: remove this key"));
         }
         (false, None) => {
             return Err(values.fault(
                 "kind",
-                "the profiles are complex: give 'centre', the frequency that their 0 Hz stands for",
+                "the profiles are complex: give 'centre', the frequency that 0 Hz corresponds to",
             ));
         }
         _ => {}
@@ -436,7 +436,7 @@ fn profiles(
     Ok((axis, values.interval("band")))
 }
 
-/// First range and step of an array of ranges, which must be even to a thousandth of the step.
+/// First range and step of an array of ranges, which must be equally spaced within a thousandth of the step.
 fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Fault> {
     let ranges = source.vector(values, "ranges")?;
     if ranges.len() != count || count < 2 {
@@ -455,9 +455,9 @@ fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f
     match uneven {
         Some((i, range)) => Err(values.fault(
             "ranges",
-            format!("bin {i} is at {range} m, not evenly after the others: resample the profiles"),
+            format!("bin {i} at {range} m is not equally spaced: resample the profiles"),
         )),
         None if step > 0.0 => Ok((ranges[0], step)),
-        None => Err(values.fault("ranges", "ranges have to rise")),
+        None => Err(values.fault("ranges", "expected ascending ranges")),
     }
 }

@@ -101,7 +101,7 @@ impl Source<'_> {
             files.extend(names.iter().map(|name| self.folder.join(name)));
         }
         if files.len() > 1 && self.recording.text("format") == "npz" {
-            let what = "an archive is one file: give one, or format = \"npy\"";
+            let what = "expected one archive file: give one, or format = \"npy\"";
             return Err(self.recording.fault("file", what));
         }
         Ok(files)
@@ -125,7 +125,7 @@ impl Source<'_> {
         } else {
             return Err(values.fault(
                 key,
-                "there is no archive to hold an array of this name: give the path of a .npy file, or use \
+                "the samples are not in an archive: give the path of a .npy file, or use \
                  format = \"npz\"",
             ));
         };
@@ -150,7 +150,7 @@ impl Source<'_> {
             return Err(values.fault(
                 key,
                 format!(
-                    "has shape {:?} and is {}; a row of real numbers is wanted",
+                    "expected a row of real numbers, found shape {:?}, {}",
                     array.shape,
                     match array.real() {
                         Some(_) => "real",

@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::pulses::{Antennas, Chosen};
 use subaperture_model::phase_history::{Beam, NoBeam};
-use subaperture_model::radar::{Carried, is_directive};
+use subaperture_model::radar::{MountedAntennas, is_directive};
 
-/// The beam of these pulses, if their antennas have a pattern: [`Carried::beam`].
+/// The beam of these pulses, if their antennas have a pattern: [`MountedAntennas::beam`].
 ///
 /// # Errors
 /// [`NoBeam`]; [`NoBeam::Several`] for pulses of several channels.
@@ -21,7 +21,7 @@ pub(super) fn stated(antennas: &Antennas, chosen: &[Chosen]) -> Result<Option<Be
     if chosen.iter().any(|pulse| pulse.channel != channel) {
         return Err(NoBeam::Several);
     }
-    let carried = Carried {
+    let carried = MountedAntennas {
         antennas: antennas.channels[channel].antennas.clone(),
         attitudes: chosen
             .iter()

@@ -1,10 +1,10 @@
 //! Files of the samples: one, several, or a numbered sequence.
 
-/// Maximum of files in one pattern.
+/// Maximum number of files in one pattern.
 const MOST: u64 = 100_000;
 
-/// Names in the pattern `text`: `stop{01..64}.bin` means `stop01.bin`, `stop02.bin`, ..., as in shells, with as many digits as the wider
-/// end if one begins with 0. Any other text means itself.
+/// Names in the pattern `text`: `stop{01..64}.bin` means `stop01.bin`, `stop02.bin`, ..., as in shells, with as many
+/// digits as the wider end if one begins with 0. Any other text is a single name.
 ///
 /// # Errors
 /// A message, for a pattern of too many files.
@@ -20,7 +20,7 @@ pub(super) fn expand(text: &str) -> Result<Vec<String>, String> {
     let (from, to) = (numbers(first)?, numbers(last)?);
     if from.abs_diff(to) >= MOST {
         return Err(format!(
-            "'{text}' stands for {} files; at most {MOST} are possible",
+            "'{text}': expected a pattern of at most {MOST} files, found {}",
             from.abs_diff(to) + 1
         ));
     }
@@ -55,7 +55,7 @@ mod tests {
     use super::expand;
 
     #[test]
-    fn numbers_are_counted_as_shells_do() {
+    fn patterns_expand_as_in_shells() {
         assert_eq!(expand("a.bin").unwrap(), ["a.bin"]);
         assert_eq!(
             expand("s{8..11}.bin").unwrap(),

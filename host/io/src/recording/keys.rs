@@ -40,7 +40,7 @@ static TOP: Section = Section {
         "name",
         ValueType::Text,
         Requirement::Optional("\"yard\""),
-        "A name for titles and reports. If left out, that of the file.",
+        "Name for titles and reports. Default: the file name.",
     )],
 };
 
@@ -48,7 +48,7 @@ const PHASE: Key = Key::new(
     "phase",
     ValueType::Quantity(Dimension::Angle, Bounds::Any),
     Requirement::Default("\"0 deg\""),
-    "Phase that it adds to what is recorded, in the sense that [recording] phase brings about: exp(+j phase). It is taken off.",
+    "Phase error of the antenna, exp(+j phase) after [recording] phase. It is removed.",
 );
 const LEVEL: Key = Key::new(
     "level",
@@ -57,7 +57,7 @@ const LEVEL: Key = Key::new(
         Bounds::Within(-300.0, 300.0, "-300 to 300 dB"),
     ),
     Requirement::Default("\"0 dB\""),
-    "What it makes too strong. It is taken off.",
+    "Gain error of the antenna. It is removed.",
 );
 
 static TRANSMITTER: Section = Section {
@@ -91,41 +91,41 @@ static RECORDING: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "format",
-    doc: "The samples, and which of them are used.",
+    doc: "Samples, and the pulses to use.",
     keys: &[
         Key::new(
             "format",
             ValueType::Choice(&["dca1000", "npy", "npz"]),
             Requirement::Required("\"npz\""),
-            "The format of the file: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or \
+            "File format: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or \
              an array of a NumPy archive.",
         ),
         Key::new(
             "file",
             ValueType::Paths,
             Requirement::Required("\"scan.npz\""),
-            "The file of the samples; of several files, pulses of one follow those of the one before.",
+            "File of the samples. Pulses of several files follow one another.",
         ),
         Key::new(
             "array",
             ValueType::Text,
             Requirement::Required("\"scan_data\""),
-            "The array of the archive that holds the samples.",
+            "Name of the samples' array in the archive.",
         )
         .when(&["npz"]),
         Key::new(
             "layout",
             ValueType::Choice(&["pulses-samples", "samples-pulses"]),
             Requirement::Default("\"pulses-samples\""),
-            "The array's axes: what its rows are, and what its columns.",
+            "Axes of the array: rows and columns.",
         )
         .when(&["npy", "npz"]),
         Key::new(
             "order",
             ValueType::Choice(&["iiqq", "iqiq", "real"]),
             Requirement::Optional("\"iiqq\""),
-            "Order of the numbers: two I then two Q (two LVDS lanes, xWR16xx and xWR18xx); I and Q in turn; or real samples of \
-             kind = \"fmcw\". If left out, the one of the first two whose image is clearly the sharper; where neither is, \
+            "Order of the numbers: two I then two Q (two LVDS lanes, xWR16xx and xWR18xx); I and Q alternating; or real samples of \
+             kind = \"fmcw\". Default: the one of the first two with the clearly sharper image, otherwise \
              iiqq, with a warning.",
         )
         .when(&["dca1000"]),
@@ -133,115 +133,115 @@ static RECORDING: Section = Section {
             "samples",
             ValueType::Count(2, 1 << 24),
             Requirement::Required("256"),
-            "Samples a sweep.",
+            "Samples per sweep.",
         )
         .when(&["dca1000"]),
         Key::new(
             "receivers",
             ValueType::Count(1, 64),
             Requirement::Default("1"),
-            "Receivers recorded, one after another in each sweep: in an array, rows of their own or a middle axis.",
+            "Number of receivers, one after another in each sweep; in an array, as rows or as a middle axis.",
         ),
         Key::new(
             "receiver",
             ValueType::Count(1, 64),
             Requirement::Optional("1"),
-            "The one receiver that is used, from 1. If left out, all that have a section [[radar.receiver]], in its \
-             order, or the first.",
+            "Number of the receiver to use, from 1. Default: all that have a section [[radar.receiver]], in its \
+             order, otherwise the first.",
         ),
         Key::new(
             "transmitters",
             ValueType::Count(1, 64),
             Requirement::Default("1"),
-            "Transmitters that take turns, sweep by sweep. A pulse, here and in all counts, is one turn of all of them.",
+            "Number of transmitters that alternate sweep by sweep. A pulse, here and in all counts, is one sweep of each of them.",
         ),
         Key::new(
             "transmitter",
             ValueType::Count(1, 64),
             Requirement::Optional("1"),
-            "The one transmitter that is used, from 1. If left out, all that have a section [[radar.transmitter]], in \
-             its order, or the first.",
+            "Number of the transmitter to use, from 1. Default: all that have a section [[radar.transmitter]], in \
+             its order, otherwise the first.",
         ),
         Key::new(
             "average",
             ValueType::Count(1, 1 << 20),
             Requirement::Default("1"),
-            "Turns taken at one place, whose mean is one pulse.",
+            "Number of sweeps of each transmitter that are averaged into one pulse.",
         ),
         Key::new(
             "phase",
             ValueType::Choice(&["minus", "plus"]),
             Requirement::Optional("\"minus\""),
-            "Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). Of \
-             rising sweeps with a positive beat it is plus. Real samples have both. If left out, the sign whose image is clearly \
-             the sharper; where neither is, the recording is refused.",
+            "Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). For \
+             rising sweeps with a positive beat it is plus. Real samples have both. Default: the sign with the clearly \
+             sharper image; if neither is sharper, the recording is refused.",
         ),
         Key::new(
             "range_bias",
             ValueType::Quantity(Dimension::Length, Bounds::Any),
             Requirement::Default("\"0 m\""),
-            "What ranges are recorded too long by: delays in cables and filters.",
+            "Excess of the recorded ranges, from delays in cables and filters.",
         ),
         Key::new(
             "times",
             ValueType::Text,
             Requirement::Optional("\"scan_timestamps_ms\""),
-            "ARRAY of the pulses' times. Either this or [radar] pri or prf.",
+            "ARRAY of the pulse times. Give either this or [radar] pri or prf.",
         ),
         Key::new(
             "times_unit",
             ValueType::Choice(UNITS_OF_TIME),
             Requirement::Default("\"s\""),
-            "The unit of times.",
+            "Unit of times.",
         ),
         Key::new(
             "first",
             ValueType::Count(0, u64::MAX),
             Requirement::Default("0"),
-            "The first pulse that is used, from 0.",
+            "First pulse to use, from 0.",
         ),
         Key::new(
             "count",
             ValueType::Count(1, u64::MAX),
             Requirement::Optional("400"),
-            "How many pulses are used from the first on. If left out, all.",
+            "Number of pulses to use. Default: all.",
         ),
         Key::new(
             "every",
             ValueType::Count(1, u64::MAX),
             Requirement::Default("1"),
-            "Use every pulse of these, every second one, and so on.",
+            "Use every n-th pulse of these.",
         ),
         Key::new(
             "pulses",
             ValueType::Choice(&["all", "moving"]),
             Requirement::Default("\"all\""),
-            "Whether pulses are left out while the platform stands.",
+            "Leave out pulses while the platform stands still.",
         ),
         Key::new(
             "moving_above",
             ValueType::Quantity(Dimension::Speed, Bounds::Positive),
             Requirement::Default("\"2 cm/s\""),
-            "Speed above which the platform moves, taken over 0.1 s.",
+            "Minimum speed of a moving platform, averaged over 0.1 s.",
         ),
         Key::new(
             "background",
             ValueType::Choice(&["keep", "mean", "mean-moving"]),
             Requirement::Default("\"keep\""),
-            "Whether what does not change from pulse to pulse is removed: the mean of the pulses used, or of \
-             those while the platform moves.",
+            "Background subtraction (static clutter): subtract the mean of the pulses used, or of \
+             those during which the platform moves.",
         ),
         Key::new(
             "background_first",
             ValueType::Count(0, u64::MAX),
             Requirement::Default("0"),
-            "The first pulse that counts for the mean, from 0 in the recording.",
+            "First pulse of the mean, from 0 in the recording.",
         ),
         Key::new(
             "background_count",
             ValueType::Count(2, u64::MAX),
             Requirement::Optional("100"),
-            "How many pulses count for the mean. If left out, all.",
+            "Number of pulses of the mean. Default: all.",
         ),
     ],
 };
@@ -251,20 +251,20 @@ static SCENE: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "Where the scene is.",
+    doc: "Scene.",
     keys: &[
         Key::new(
             "reference",
             ValueType::Vector(Dimension::Length),
             Requirement::Optional("\"0, 5, 0 m\""),
-            "The point that phases are referred to. If neither it nor reference_range is given, phases are \
-             referred to the middle of the ranges that the samples tell apart, whatever the point.",
+            "Reference point of the phases. If neither this nor reference_range is given, phases are \
+             referred to the middle of the unambiguous ranges.",
         ),
         Key::new(
             "reference_range",
             ValueType::Quantity(Dimension::Length, Bounds::Positive),
             Requirement::Optional("\"5 m\""),
-            "In place of a point: the same range from the radar for all pulses.",
+            "Alternative to a reference point: the same range from the radar for all pulses.",
         ),
         Key::new(
             "x",
@@ -296,39 +296,39 @@ static RADAR: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "kind",
-    doc: "What transmitted, and what its samples are.",
+    doc: "Radar and its waveform.",
     keys: &[
         Key::new(
             "kind",
             ValueType::Choice(&["fmcw", "pulsed", "stepped", "profiles"]),
             Requirement::Required("\"fmcw\""),
-            "Beats of linear sweeps; echoes of a known pulse before any matched filter; a complex number for \
-             each of rising frequencies; or range profiles, real waveforms or complex.",
+            "Waveform: beats of linear sweeps; echoes of a known pulse before any matched filter; a complex number for \
+             each of ascending frequencies; or range profiles, real waveforms or complex.",
         ),
         Key::new(
             "pri",
             ValueType::Quantity(Dimension::Time, Bounds::Positive),
             Requirement::Optional("\"1 ms\""),
-            "Time from pulse to pulse. If neither it nor prf nor an array of times is given, a second.",
+            "Pulse repetition interval. Default, without prf and times: 1 s.",
         ),
         Key::new(
             "prf",
             ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
             Requirement::Optional("\"1 kHz\""),
-            "Pulses a second.",
+            "Pulse repetition frequency.",
         ),
         Key::new(
             "first_pulse",
             ValueType::Quantity(Dimension::Time, Bounds::Any),
             Requirement::Optional("\"9.22 s\""),
-            "Time of the recording's first pulse on the platform's clock. If left out, what times says, or 0.",
+            "Time of the recording's first pulse on the platform's clock. Default: the first of times, or 0.",
         ),
         Key::new(
             "transmitter_interval",
             ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
             Requirement::Optional("\"50 us\""),
-            "Time from a transmitter's sweep to the next one's within a pulse. If left out, an even part of the time from \
-             pulse to pulse, or 0 where turns are averaged and the radar stands meanwhile.",
+            "Time from a transmitter's sweep to the next one's within a pulse. Default: an equal part of the time from \
+             pulse to pulse, or 0 where sweeps are averaged while the radar stands still.",
         ),
         Key::new(
             "start",
@@ -341,14 +341,14 @@ static RADAR: Section = Section {
             "slope",
             ValueType::Quantity(Dimension::SweepRate, Bounds::Any),
             Requirement::Required("\"40 MHz/us\""),
-            "Sweep rate; negative sweeps fall.",
+            "Sweep rate; negative for falling sweeps.",
         )
         .when(&["fmcw"]),
         Key::new(
             "step",
             ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
             Requirement::Required("\"4 MHz\""),
-            "From frequency to frequency.",
+            "Frequency step.",
         )
         .when(&["stepped"]),
         Key::new(
@@ -362,15 +362,15 @@ static RADAR: Section = Section {
             "motion",
             ValueType::Choice(&["stop-and-go", "true"]),
             Requirement::Default("\"stop-and-go\""),
-            "Whether the radar moves while a sweep lasts. Then a pulse's time is that of its middle sample, \
-             number samples / 2 from 0, and the track has to be known that closely.",
+            "Whether the radar moves during a sweep. A pulse's time is then that of its middle sample, \
+             number samples / 2 from 0, and the track must be accurate at that scale.",
         )
         .when(&["fmcw", "stepped"]),
         Key::new(
             "sample_rate",
             ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
             Requirement::Required("\"2.5 MHz\""),
-            "Complex samples a second.",
+            "Sampling rate of complex samples.",
         )
         .when(&["fmcw", "pulsed"]),
         Key::new(
@@ -391,21 +391,21 @@ static RADAR: Section = Section {
             "centre",
             ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
             Requirement::Optional("\"10 GHz\""),
-            "Frequency that 0 Hz of the samples stands for. Real waveforms have none, others need it.",
+            "Frequency that 0 Hz of the samples corresponds to. Required for complex samples; not permitted for real waveforms.",
         )
         .when(&["pulsed", "profiles"]),
         Key::new(
             "band",
             ValueType::Interval(Dimension::Frequency),
             Requirement::Required("\"3.1, 4.8 GHz\""),
-            "The frequencies that are kept of the profiles' spectrum.",
+            "Frequencies kept from the spectrum of the profiles.",
         )
         .when(&["profiles"]),
         Key::new(
             "ranges",
             ValueType::Text,
             Requirement::Optional("\"range_bins_m\""),
-            "ARRAY of the bins' ranges in metres, evenly spaced. Either this or first_range and range_step.",
+            "ARRAY of the bins' ranges in metres, evenly spaced. Give either this or first_range and range_step.",
         )
         .when(&["profiles"]),
         Key::new(
@@ -419,7 +419,7 @@ static RADAR: Section = Section {
             "range_step",
             ValueType::Quantity(Dimension::Length, Bounds::Positive),
             Requirement::Optional("\"9.15 mm\""),
-            "Range from bin to bin.",
+            "Range bin spacing.",
         )
         .when(&["profiles"]),
     ],
@@ -430,8 +430,8 @@ static PLATFORM: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "kind",
-    doc: "How the radar moved. Where nothing else is said it heads where it goes; a fixed one has the scene's \
-          axes, an arm's x axis is along the arm.",
+    doc: "Motion of the radar. By default its heading is along the velocity; a fixed radar has the scene's \
+          axes, and the x axis of a swinging arm is along the arm.",
     keys: &[
         Key::new(
             "kind",
@@ -441,13 +441,13 @@ static PLATFORM: Section = Section {
             ]),
             Requirement::Required("\"arc\""),
             "A swinging arm, a carriage on a rail, a straight line, a level circle, points passed at given \
-             times (straight or smooth), a recorded track, or a place.",
+             times (straight or smooth), a recorded track, or a fixed position.",
         ),
         Key::new(
             "pivot",
             ValueType::Vector(Dimension::Length),
             Requirement::Required("\"0, 0, 0 m\""),
-            "The arm's pivot, at the antenna's height.",
+            "Pivot of the arm, at the antenna's height.",
         )
         .when(&["arc"]),
         CENTRE,
@@ -462,64 +462,64 @@ static PLATFORM: Section = Section {
             "from_angle",
             ValueType::Quantity(Dimension::Angle, Bounds::Any),
             Requirement::Required("\"0 deg\""),
-            "The arm's angle in the first pulse, from x towards y.",
+            "Angle of the arm in the first pulse, from x towards y.",
         )
         .when(&["arc"]),
         Key::new(
             "to_angle",
             ValueType::Quantity(Dimension::Angle, Bounds::Any),
             Requirement::Required("\"180 deg\""),
-            "The other end of its swing.",
+            "Angle at the other end of the swing.",
         )
         .when(&["arc"]),
         Key::new(
             "rate",
             ValueType::Quantity(Dimension::AngularRate, Bounds::Positive),
             Requirement::Optional("\"10 deg/s\""),
-            "Rate of the swing. If left out, one swing takes as long as the recording.",
+            "Rate of the swing. Default: one swing over the recording.",
         )
         .when(&["arc"]),
         Key::new(
             "from",
             ValueType::Vector(Dimension::Length),
             Requirement::Required("\"-1, 0, 0 m\""),
-            "Where the rail starts.",
+            "Start of the rail.",
         )
         .when(&["rail"]),
         Key::new(
             "to",
             ValueType::Vector(Dimension::Length),
             Requirement::Required("\"1, 0, 0 m\""),
-            "Where the rail ends.",
+            "End of the rail.",
         )
         .when(&["rail"]),
         Key::new(
             "speed",
             ValueType::Quantity(Dimension::Speed, Bounds::Positive),
             Requirement::Optional("\"0.1 m/s\""),
-            "Speed along the rail or the circle. If left out, the rail takes as long as the recording.",
+            "Speed along the rail or the circle. Default: the whole rail over the recording.",
         )
         .when(&["rail", "circular"]),
         Key::new(
             "spacing",
             ValueType::Quantity(Dimension::Length, Bounds::Positive),
             Requirement::Optional("\"1 mm\""),
-            "In place of a speed: the way from one pulse to the next.",
+            "Alternative to a speed: distance from one pulse to the next.",
         )
         .when(&["rail"]),
         Key::new(
             "attitude",
             ValueType::Vector(Dimension::Angle),
             Requirement::Optional("\"0, 0, 0 deg\""),
-            "Roll, pitch and yaw that it keeps all the way; 0, 0, 0 lays the body's axes along the scene's. If left out, \
-             it is as recorded, or heads where it goes.",
+            "Constant roll, pitch and yaw; 0, 0, 0 aligns the body's axes with the scene's. Default: \
+             as recorded, otherwise along the velocity.",
         )
         .when(&["rail", "linear", "waypoints", "spline", "csv", "motive", "arrays", "fixed"]),
         Key::new(
             "start",
             ValueType::Quantity(Dimension::Time, Bounds::Any),
             Requirement::Optional("\"0 s\""),
-            "When it starts. If left out, with the first pulse.",
+            "Start time. Default: that of the first pulse.",
         )
         .when(&["arc", "rail"]),
         POSITION.when(&["linear", "fixed"]),
@@ -533,14 +533,14 @@ static PLATFORM: Section = Section {
             "body",
             ValueType::Text,
             Requirement::Optional("\"radar\""),
-            "The rigid body of the motion capture. Needed if there are several.",
+            "Rigid body of the motion capture. Required if there are several.",
         )
         .when(&["motive"]),
         Key::new(
             "axes",
             ValueType::Text,
             Requirement::Optional("\"x, -z, y\""),
-            "The scene's x, y and z in the letters of the track's file. If left out, they are the file's; of a motion \
+            "The scene's x, y and z as axes of the track's file. Default: the same axes; for a motion \
              capture, whose y is up, \"x, -z, y\".",
         )
         .when(&["csv", "motive", "arrays"]),
@@ -557,7 +557,7 @@ static PLATFORM: Section = Section {
             "times_unit",
             ValueType::Choice(UNITS_OF_TIME),
             Requirement::Default("\"s\""),
-            "The unit of times.",
+            "Unit of times.",
         )
         .when(&["arrays"]),
         Key::new(
@@ -571,7 +571,7 @@ static PLATFORM: Section = Section {
             "receiver_positions",
             ValueType::Text,
             Requirement::Optional("\"receiver_pos_m\""),
-            "ARRAY of the receiver's own positions at the same times, where it moves on its own; positions are \
+            "ARRAY of the receiver positions at the same times, if it moves separately; positions are \
              then the transmitter's.",
         )
         .when(&["arrays"]),
@@ -579,7 +579,7 @@ static PLATFORM: Section = Section {
             "positions_unit",
             ValueType::Choice(&["m", "cm", "mm"]),
             Requirement::Default("\"m\""),
-            "The unit of positions.",
+            "Unit of positions.",
         )
         .when(&["arrays"]),
     ],

@@ -1,8 +1,9 @@
 //! Raw recordings described in TOML: sample format, waveform, times and antenna track.
 //!
-//! A description is a text like a scenario: quantities have units, every key is checked against one table, which [`reference()`] prints,
-//! and errors point at their line. It names the files of the samples, their kind (`[radar] kind`) and the motion of the antennas
-//! (`[platform]`). [`crate::receive`] converts the recording to phase history, as it does simulated echoes.
+//! A description is TOML text like a scenario: quantities have units, every key is checked against one table, which
+//! [`reference()`] prints, and errors state their line. It names the files of the samples, the radar type (`[radar]
+//! kind`) and the motion of the antennas (`[platform]`). [`crate::receive`] converts the recording to phase history,
+//! as for simulated echoes.
 //!
 //! ```text
 //! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, selection)
@@ -62,13 +63,13 @@ pub use open::{open, open_channels};
 pub use samples::SignStated;
 pub use write::{Raw, WriteError, add_to, describes_antennas, names, write};
 
-/// A fault before it is put into words.
+/// Faults of a description before they are formatted.
 type Faults = Vec<Fault>;
 
 /// Phase history of a recording, and its source.
 #[derive(Clone, Debug)]
 pub struct Take {
-    /// The phase history.
+    /// Phase history.
     pub history: InMemory,
     /// Recorded pulse of each pulse, from 0: the pulse's number times the number of channels in use, plus the channel's.
     pub pulses: Vec<usize>,
@@ -83,10 +84,11 @@ pub struct Take {
 }
 
 impl Take {
-    /// Parallel channels of the phase history. Needs a second copy of the samples for a time, less memory than reading them.
+    /// Split the phase history into parallel channels. Temporarily needs a second copy of the samples, less memory
+    /// than reading them.
     ///
     /// # Errors
-    /// [`ReadError::Channels`] if the channels do not share pulses; [`ReadError::Mismatch`] if one has none.
+    /// [`ReadError::Channels`] if the channels do not share pulses; [`ReadError::Mismatch`] if a channel has none.
     pub fn side_by_side(self) -> Result<Channels<'static>, ReadError> {
         let collection = self.history.collection();
         let (width, count) = (collection.num_samples, self.channels.len());
@@ -126,7 +128,7 @@ impl Take {
     }
 }
 
-/// A description and the settings that override it. Files named by it are read once.
+/// Description of a recording with the settings that override it. Files named by it are read once.
 #[derive(Debug)]
 pub struct RecordingFile {
     description: Description,
@@ -136,7 +138,7 @@ pub struct RecordingFile {
 }
 
 impl RecordingFile {
-    /// A description from text. `file` names it in errors; paths in it are relative to `folder`.
+    /// Create a description from text. `file` names it in errors; paths in it are relative to `folder`.
     pub fn new(
         file: impl Into<String>,
         text: impl Into<String>,
@@ -149,7 +151,7 @@ impl RecordingFile {
         }
     }
 
-    /// Read a description. Its text may take [`DEFAULT_MEMORY_BYTES`] when it is parsed.
+    /// Read a description. Parsing may take [`DEFAULT_MEMORY_BYTES`].
     ///
     /// # Errors
     /// As [`Description::read_within`].
@@ -157,7 +159,7 @@ impl RecordingFile {
         Self::read_within(path, DEFAULT_MEMORY_BYTES)
     }
 
-    /// Read a description whose text takes at most `memory_bytes` when it is parsed.
+    /// Read a description whose text takes at most `memory_bytes` when parsed.
     ///
     /// # Errors
     /// As [`Description::read_within`].
@@ -169,16 +171,16 @@ impl RecordingFile {
         })
     }
 
-    /// Override the key at a dotted path, such as `platform.radius`. The value is written as in the text, quotes may be omitted. Later
-    /// settings override earlier ones.
+    /// Override the key at a dotted path, such as `platform.radius`. The value is written as in the text, except that
+    /// quotes may be omitted. Later settings override earlier ones.
     ///
     /// # Errors
-    /// If the key does not exist; values are checked by [`Self::history`].
+    /// [`DescriptionError`] if the key does not exist. Values are checked by [`Self::history`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), DescriptionError> {
         self.description.set(&keys::SCHEMA, "--set", key, value)
     }
 
-    /// A copy with some keys varied, sharing the files read; errors name them as `--vary KEY=VALUE`.
+    /// Copy with some keys varied, which shares the files read; errors name them as `--vary KEY=VALUE`.
     ///
     /// # Errors
     /// As [`Self::set`].
@@ -224,7 +226,7 @@ impl RecordingFile {
         self.take(memory_bytes, None).map(|take| take.history)
     }
 
-    /// Parallel channels: every pair of transmitter and receiver in use.
+    /// Parallel channels, one per pair of transmitter and receiver in use.
     ///
     /// # Errors
     /// As [`Self::history`]; [`ReadError::Channels`] if the pairs do not share pulses, for instance if the antennas of one pair already
@@ -233,8 +235,8 @@ impl RecordingFile {
         self.take(memory_bytes, None)?.side_by_side()
     }
 
-    /// The phase history as of [`Self::history`], with its source. `pulses` selects pulses in place of the description. A track is
-    /// extrapolated beyond its end.
+    /// Phase history as by [`Self::history`], with its source. `pulses` overrides the pulses selected by the
+    /// description. A track is extrapolated beyond its end.
     ///
     /// # Errors
     /// As [`Self::history`].
@@ -251,7 +253,7 @@ impl RecordingFile {
         ) {
             return Err(one(Fault::new(
                 &at,
-                "the text has no [recording], which says what the samples are. If it is a scenario, simulate it \
+                "the section [recording] is missing. If the text is a scenario, simulate it \
                  (subap simulate SCENARIO.toml -o FILE.cphd) and take the file",
             )));
         }

@@ -18,7 +18,7 @@ pub(super) struct InMotion<'a> {
     pub(super) held: StoredEchoes,
     /// Whether the radar moves during a sweep.
     pub(super) moves: bool,
-    /// The reference point, if phases are referred to one.
+    /// Reference point, if phases are referred to a point.
     pub(super) point: Option<DVec3>,
     pub(super) pulses: &'a Pulses,
     pub(super) bias_path_m: f64,

@@ -25,7 +25,7 @@ fn value(sign: PhaseSign) -> &'static str {
 /// Possible orders of I and Q in an int16 file.
 const ORDERS: [&str; 2] = ["iiqq", "iqiq"];
 
-/// A sign, and an order where the description states none.
+/// Sign, and an order if the description states none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Candidate {
     sign: PhaseSign,
@@ -33,7 +33,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The description with these values.
+    /// Description with these values.
     fn of(self, file: &RecordingFile) -> Result<RecordingFile, ReadError> {
         let sign = ("recording.phase", value(self.sign));
         let order = self.order.map(|order| ("recording.order", order));
@@ -96,7 +96,7 @@ pub(super) fn settle(
     let mut warnings = Vec::new();
     let compared = match inference {
         Some(inference) => compare(file, take, inference, &orders, memory_bytes),
-        None => Err("and nothing infers it".to_owned()),
+        None => Err("and inference is off".to_owned()),
     };
     let mut inferred = Vec::new();
     let order = if take.order_is_stated {
@@ -131,7 +131,7 @@ pub(super) fn settle(
         (None, Err(why)) => return Err(unstated(why)),
         (Some(sign), Ok((better, ratio_db))) if better != sign => {
             warnings.push(format!(
-                "{}: [recording] phase is \"{}\", but an image of a part is {ratio_db:.1} dB sharper with \"{}\": check it",
+                "{}: [recording] phase is \"{}\", but an image of some pulses is {ratio_db:.1} dB sharper with \"{}\": check it",
                 path.display(),
                 value(sign),
                 value(better)
@@ -159,7 +159,7 @@ pub(super) fn settle(
 
 const SIGNS: [PhaseSign; 2] = [PhaseSign::Minus, PhaseSign::Plus];
 
-/// The order with the clearly sharper image, or the reason why there is none.
+/// Order with the clearly sharper image, or the reason why it cannot be inferred.
 fn order(
     compared: &Result<Compared, String>,
     stated: Option<PhaseSign>,
@@ -175,7 +175,7 @@ fn order(
 struct Compared(Vec<[Sharpness; 2]>);
 
 impl Compared {
-    /// The sharpest image of each order, or that of the stated sign.
+    /// Sharpest image of each order, for the stated sign if any.
     fn by_order(&self, stated: Option<PhaseSign>) -> Vec<Sharpness> {
         let sharpest = |signs: &[Sharpness; 2]| match stated {
             Some(PhaseSign::Minus) => signs[0],
@@ -187,7 +187,7 @@ impl Compared {
     }
 }
 
-/// Sharpness of a partial image under each order and sign, or the reason why there is no image.
+/// Sharpness of a partial image for each order and sign, or the reason why no image can be formed.
 fn compare(
     file: &RecordingFile,
     take: &Take,
@@ -205,10 +205,10 @@ fn compare(
     });
     compared
         .map(Compared)
-        .map_err(|why: String| format!("and no image can decide it ({why})"))
+        .map_err(|why: String| format!("and it cannot be inferred ({why})"))
 }
 
-/// Pulses and frequencies that are compared, for one candidate.
+/// Pulses and frequencies used for the comparison, for one candidate.
 fn part(
     file: &RecordingFile,
     take: &Take,

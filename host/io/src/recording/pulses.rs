@@ -80,23 +80,25 @@ impl Antennas {
     }
 }
 
-/// One pulse.
+/// Selected pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
     /// Index in the recording, and channel in [`Antennas::channels`].
     pub(super) index: usize,
     pub(super) channel: usize,
     pub(super) time_s: f64,
-    /// Transmitter and receiver.
+    /// Positions of transmitter and receiver in metres.
     pub(super) antennas_m: [DVec3; 2],
     /// Whether the platform moves.
     pub(super) moving: bool,
 }
 
-/// Half of the interval over which a speed is computed, seconds: long compared with the noise of a track, short compared with a push.
+/// Half of the interval over which a speed is computed, seconds: long against the noise of a track, short against an
+/// acceleration.
 const HALF_SPAN_S: f64 = 0.05;
 
-/// Pulses that `[recording]` selects from all `count`, in every channel; or those in `given`, numbered as [`super::Take::pulses`].
+/// Pulses selected by `[recording]` from all `count`, in every channel. `given` overrides the selection, with numbers
+/// as in [`super::Take::pulses`].
 pub(super) fn select(
     top: &Values,
     source: &Source,
@@ -130,7 +132,7 @@ pub(super) fn select(
     let mut chosen = Vec::new();
     for (index, channel) in asked {
         let time_s = times_s[index] + antennas.channels[channel].after_s;
-        let tracked = track.knows(time_s);
+        let tracked = track.is_valid_at(time_s);
         let moving = tracked && speed_m_s(track, time_s) > least_m_s;
         if given.is_none() && only_moving && !moving {
             continue;
@@ -150,7 +152,7 @@ pub(super) fn select(
         return Err(recording.fault(
             "pulses",
             format!(
-                "no pulse from {:.3} to {:.3} s on the platform's clock is one that moves: check \
+                "the platform does not move in any pulse from {:.3} to {:.3} s on its clock: check \
                  radar.first_pulse, or lower moving_above",
                 ends.0, ends.1
             ),
@@ -164,7 +166,7 @@ pub(super) fn select(
     })
 }
 
-/// Index and channel of every requested pulse, whether or not it moves.
+/// Index and channel of every selected pulse, before pulses of a platform at rest are left out.
 fn asked(
     recording: &Values,
     count: usize,
@@ -180,7 +182,7 @@ fn asked(
         return Err(recording.fault(
             "first",
             format!(
-                "'first' is {first} and the pulses are numbered from 0 to {}: lower it",
+                "'first' is {first}, but the last pulse is {}: lower it",
                 count - 1
             ),
         ));
@@ -191,7 +193,7 @@ fn asked(
         return Err(recording.fault(
             "count",
             format!(
-                "'count' is {asked} and from pulse {first} on there are {}: lower it, or leave it out to take all",
+                "'count' is {asked}, but from pulse {first} on there are {}: lower it, or remove it to use all",
                 count - first
             ),
         ));
@@ -214,8 +216,8 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault
         return Fault::new(
             &platform.at,
             format!(
-                "pulse {index} is at {time_s:.3} s, and from {from:.3} to {to:.3} s the capture did not see the body: \
-                 choose other pulses, or fill the gap in the capture's program"
+                "pulse {index} at {time_s:.3} s is in a gap of the motion capture from {from:.3} to {to:.3} s: \
+                 choose other pulses, or fill the gap in the capture software"
             ),
         );
     }
@@ -223,7 +225,7 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault
     Fault::new(
         &platform.at,
         format!(
-            "pulse {index} is at {time_s:.3} s and the track is known from {from:.3} to {to:.3} s: check \
+            "pulse {index} at {time_s:.3} s is outside the track from {from:.3} to {to:.3} s: check \
              radar.first_pulse, or choose other pulses"
         ),
     )
@@ -257,16 +259,16 @@ fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, boo
         return Err(recording.fault(
             "times",
             format!(
-                "holds {} times for {count} pulses: check the array, and 'layout', which says what rows and columns \
+                "expected {count} times, one per pulse, found {}: check the array, and 'layout', which states what rows and columns \
                  of the samples are",
                 times.len()
             ),
         ));
     }
     let on_platforms_clock = |&t: &f64| match first_s {
-        // Differences first: with milliseconds since 1970 float64 has no digits to lose.
+        // Subtract first: milliseconds since 1970 use most digits of a float64.
         Some(start_s) => start_s + (t - times[0]) * unit_s,
-        // To the last digit, so that a track recorded at these times includes all of them.
+        // Computed exactly as for tracks, so that a track with these times includes all of them.
         None => t * unit_s,
     };
     Ok((times.iter().map(on_platforms_clock).collect(), true))
@@ -286,7 +288,7 @@ fn speed_m_s(track: &Track, time_s: f64) -> f64 {
     way_m / (after - before)
 }
 
-/// All pairs of antennas in use, grouped by transmitter, in the order of their sweeps.
+/// All antenna pairs in use, grouped by transmitter, in the order of their sweeps.
 fn channels(
     radar: &Values,
     recording: &Values,
@@ -317,7 +319,7 @@ fn channels(
     Ok(pairs.map(|(t, r)| pair(t, r)).collect())
 }
 
-/// An antenna in use.
+/// Antenna in use.
 struct Used {
     /// Index among all antennas of its kind, from 0.
     number: usize,
@@ -338,7 +340,7 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
         return Err(Fault::new(
             &section.at,
             format!(
-                "there are {} sections [[radar.{kind}]] and [recording] {plural} is {count}: describe one, or as many \
+                "[recording] {plural} is {count}, but there are {} sections [[radar.{kind}]]: describe one, or as many \
                  as there are",
                 sections.len()
             ),
@@ -366,7 +368,7 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
     match recording.optional_count(kind) {
         Some(asked) if asked as usize > count => Err(recording.fault(
             kind,
-            format!("'{kind}' is {asked} and there are {count} {plural}: choose one of them, or raise {plural}"),
+            format!("'{kind}' is {asked}, but there are {count} {plural}: choose one of them, or raise {plural}"),
         )),
         Some(asked) => Ok(vec![one(asked as usize - 1)]),
         None if sections.len() > 1 => Ok((0..count).map(one).collect()),

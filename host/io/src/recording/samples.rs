@@ -1,8 +1,8 @@
 //! Samples of all pulses from any format, pulse by pulse.
 //!
-//! `dca1000` is the format of a TI DCA1000 and most other capture programs: int16, little-endian; in every sweep the samples of one
-//! receiver after those of the other. Their order ([`Order`]) is two I then two Q over two LVDS lanes (xWR16xx, xWR18xx), I and Q
-//! alternating, or real numbers.
+//! `dca1000` is the format of the TI DCA1000 and most other capture programs: int16, little-endian; in every sweep
+//! the samples of one receiver after those of the other. The order of the numbers ([`Order`]) is two I then two Q
+//! over two LVDS lanes (xWR16xx, xWR18xx), I and Q alternating, or real numbers.
 //!
 //! Real samples of dechirped sweeps are converted to complex ones: [`super::analytic`].
 
@@ -30,7 +30,7 @@ pub enum SignStated {
     Unstated,
 }
 
-/// Samples as recorded: a row for every receiver in every sweep.
+/// Samples as recorded, one row for every receiver in every sweep.
 pub(super) struct Samples {
     /// Arrays of the files, and the number of sweeps before each.
     pieces: Vec<(Arc<Array>, usize)>,
@@ -40,20 +40,20 @@ pub(super) struct Samples {
     /// Step between samples, and between rows, in values.
     sample_stride: usize,
     row_stride: usize,
-    /// Sign of the phase, if it is stated.
+    /// Sign of the phase, if stated.
     phase: Option<PhaseSign>,
     /// Whether the samples are real numbers.
     pub(super) real: bool,
 }
 
-/// Number of rows that form a pulse.
+/// Rows that form a pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
     /// First sweep, step to the next, and number of sweeps.
     pub(super) first: usize,
     pub(super) every: usize,
     pub(super) count: usize,
-    /// The receiver, from 0.
+    /// Index of the receiver, from 0.
     pub(super) receiver: usize,
 }
 
@@ -107,7 +107,7 @@ impl Samples {
     }
 }
 
-/// Read the samples that `[recording]` names.
+/// Read the samples named by `[recording]`.
 pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
     let recording = source.recording;
     let phase = recording.optional_text("phase").map(|phase| match phase {
@@ -123,7 +123,7 @@ pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
         return Err(recording.fault(
             "file",
             format!(
-                "its samples are real, and of kind = \"{kind}\" they are complex: save both parts, I + j Q. (Real samples are read of kind = \"profiles\" \
+                "kind = \"{kind}\": expected complex samples, found real ones: save both parts, I + j Q. (Real samples are supported for kind = \"profiles\" \
                  and of kind = \"fmcw\", whose beats have one sign.)"
             ),
         ));
@@ -135,7 +135,7 @@ pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
         return Err(recording.fault(
             "file",
             format!(
-                "holds {} pulses of {} samples; at least one of two is wanted",
+                "expected at least one pulse of two samples, found {} pulses of {} samples",
                 samples.num_sweeps, samples.num_samples
             ),
         ));
@@ -151,7 +151,8 @@ pub(super) fn sweeps_a_pulse(recording: &Values) -> usize {
 /// Consecutive arrays, each with the number of its first sweep.
 type InARow = Vec<(Arc<Array>, usize)>;
 
-/// Concatenate files. Each of several files must contain whole pulses, because the remainder of one is not the beginning of the next.
+/// Concatenate files. Each of several files must contain complete pulses, since a partial pulse does not continue in
+/// the next file.
 fn joined(
     source: &Source,
     pieces: Vec<(PathBuf, Arc<Array>, usize)>,
@@ -165,7 +166,7 @@ fn joined(
             return Err(recording.fault(
                 if recording.count("average") > 1 { "average" } else { "transmitters" },
                 format!(
-                    "{} holds {sweeps} sweeps of each receiver, and {a_pulse} make a pulse (transmitters times average), \
+                    "{} has {sweeps} sweeps of each receiver, not a multiple of {a_pulse} per pulse (transmitters times average), \
                      so {} are over: check both, receivers, and whether the file is whole",
                     path.display(),
                     sweeps % a_pulse
@@ -178,7 +179,7 @@ fn joined(
     Ok((all, num_sweeps))
 }
 
-/// An array with two axes; receivers in the middle axis become rows.
+/// Rows and columns of an array of two axes. Receivers in a middle axis become rows.
 fn rows_and_columns(array: &Array, receivers: usize, turned: bool) -> Option<(usize, usize)> {
     match array.shape[..] {
         [rows, columns] => Some((rows, columns)),
@@ -207,8 +208,8 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
             recording.fault(
                 key,
                 format!(
-                    "{} has shape {:?}; two axes, pulses and samples, are wanted, or three, pulses, receivers and \
-                     samples, with as many in the middle as receivers says ({receivers})",
+                    "{} has shape {:?}: expected two axes, pulses and samples, or three, pulses, receivers and \
+                     samples, with {receivers} receivers",
                     path.display(),
                     array.shape
                 ),
@@ -226,7 +227,7 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
             return Err(recording.fault(
                 key,
                 format!(
-                    "{} has {num_samples} {} samples a pulse and {} has {samples} {}: give files of one kind",
+                    "{} has {num_samples} {} samples per pulse, but {} has {samples} {}: give files of one kind",
                     path.display(),
                     if real { "real" } else { "complex" },
                     first.display(),
@@ -238,15 +239,15 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
             return Err(recording.fault(
                 "receivers",
                 format!(
-                    "{} has {num_rows} rows, which are no whole sweeps of {receivers} receivers: check receivers, and \
-                     layout, which says what rows and columns are",
+                    "{} has {num_rows} rows, not a multiple of {receivers} receivers: check receivers, and \
+                     layout, which states what rows and columns are",
                     path.display()
                 ),
             ));
         }
         strides = if turned { (columns, 1) } else { (1, columns) };
         if turned && !pieces.is_empty() && pieces[0].1.shape != array.shape {
-            let what = "files of layout = \"samples-pulses\" are of one shape";
+            let what = "expected files of equal shape for layout = \"samples-pulses\"";
             return Err(recording.fault(key, what));
         }
         pieces.push((path, array, num_rows / receivers));
@@ -275,7 +276,7 @@ fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> 
     for path in source.files()? {
         let fault = |what: String| recording.fault("file", what);
         let read = |name: &(_, _), left| lanes(Path::new(&name.0), order, left);
-        // One file in two orders gives two arrays.
+        // The same file read in two orders gives two arrays.
         let name = (
             path.clone(),
             recording.optional_text("order").map(str::to_owned),
@@ -288,8 +289,8 @@ fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> 
             return Err(recording.fault(
                 "samples",
                 format!(
-                    "{} holds {held} samples, which is {whole} sweeps of {samples} from each of {receivers} receivers \
-                     and {over} samples over: check samples and receivers{}",
+                    "{} has {held} samples: {whole} sweeps of {samples} from each of {receivers} receivers \
+                     and a rest of {over}: check samples and receivers{}",
                     path.display(),
                     others(held, samples, receivers)
                 ),
@@ -310,7 +311,7 @@ fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> 
     })
 }
 
-/// Message about numbers of receivers and of samples that divide the file.
+/// Message that lists numbers of receivers and of samples that divide the file.
 fn others(held: usize, samples: usize, receivers: usize) -> String {
     let even = |samples: &usize, receivers: &usize| held.is_multiple_of(samples * receivers);
     let counts: Vec<String> = (1..=8usize)
@@ -324,13 +325,13 @@ fn others(held: usize, samples: usize, receivers: usize) -> String {
         .collect();
     let mut words = String::new();
     if !counts.is_empty() {
-        words += &format!("; receivers = {} would come out even", counts.join(" or "));
+        words += &format!("; receivers = {} would divide it", counts.join(" or "));
     }
     if !near.is_empty() {
-        words += &format!("; so would samples = {}", near.join(" or "));
+        words += &format!("; samples = {} would divide it", near.join(" or "));
     }
     if words.is_empty() {
-        words += ", and whether the file is whole";
+        words += ", and whether the file is complete";
     }
     words
 }
@@ -347,7 +348,7 @@ enum Order {
     Pairs,
     /// I and Q alternating.
     Turns,
-    /// Real numbers.
+    /// Real numbers only.
     Real,
 }
 
@@ -360,7 +361,7 @@ impl Order {
         }
     }
 
-    /// Bytes of whole samples.
+    /// Bytes of the smallest group of complete samples.
     fn unit_bytes(self) -> u64 {
         match self {
             Self::Pairs => 8,
@@ -369,7 +370,7 @@ impl Order {
         }
     }
 
-    /// Bytes in memory for a part of the file and with it.
+    /// Memory of the converted file and the file itself, relative to the file size.
     fn held(self) -> u64 {
         match self {
             Self::Pairs | Self::Turns => 3,
@@ -391,7 +392,7 @@ fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> 
             Order::Real => "real samples",
         };
         return Err(format!(
-            "{}: {length} bytes are no {what}, {unit} bytes each",
+            "{}: expected {what} of {unit} bytes each, found {length} bytes in total",
             path.display()
         ));
     }
@@ -399,7 +400,7 @@ fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> 
     let needed = length.saturating_mul(order.held());
     if needed > memory_bytes {
         return Err(format!(
-            "{}: {} bytes of memory are needed and {memory_bytes} are left: {ALLOW_MORE_MEMORY}",
+            "{}: {} bytes of memory are needed, but {memory_bytes} are left: {ALLOW_MORE_MEMORY}",
             path.display(),
             needed
         ));

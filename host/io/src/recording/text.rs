@@ -1,4 +1,4 @@
-//! The description of echoes, as text that [`super::RecordingFile`] reads.
+//! Text description of echoes, for [`super::RecordingFile`].
 
 use std::fmt::Write;
 
@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3, EulerRot};
 
 use crate::receive::{EchoCollection, EchoPulse};
 use subaperture_model::geometry::{Geodetic, SceneFrame};
-use subaperture_model::radar::{Antenna, Carried, Pattern, PulseShape, Waveform};
+use subaperture_model::radar::{Antenna, MountedAntennas, Pattern, PulseShape, Waveform};
 use subaperture_model::track::{Fix, SampledTrack, Trajectory};
 
 /// Parameters not contained in the waveform.
@@ -20,13 +20,13 @@ pub(super) struct Facts<'a> {
     /// Whether the radar moves during a sweep.
     pub(super) moves: bool,
     /// Antennas that the text describes.
-    pub(super) antennas: Option<&'a Carried>,
+    pub(super) antennas: Option<&'a MountedAntennas>,
 }
 
 /// Largest allowed difference between a reference path and its point's, metres: rounding at 1000 km.
 const SAME_PATH_M: f64 = 1e-8;
 
-/// The description, or the reason why there is none. Numbers are written with all digits.
+/// Text of the description. Numbers are written with all digits. An error states why the echoes cannot be described.
 pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<String, String> {
     let mut text = format!(
         "name = {}\n\n[recording]\nformat = \"npy\"\nfile = \"{}\"\ntimes = \"{}\"\nphase = \"minus\"\n\n[scene]\n",
@@ -60,7 +60,7 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     Ok(text)
 }
 
-/// An antenna whose position is given by the track.
+/// Section of an antenna whose position is given by the track.
 fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
     let vector = |v: DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
     let (kind, widths) = match antenna.pattern {
@@ -91,7 +91,7 @@ fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
 const SAME_ATTITUDE: f64 = 0.01;
 
 /// Constant roll, pitch and yaw of the body, radians; `None` if the body rotates: its attitude is then read as its heading.
-fn attitude(carried: &Carried) -> Option<[f64; 3]> {
+fn attitude(carried: &MountedAntennas) -> Option<[f64; 3]> {
     let kept = carried.attitudes.get(carried.attitudes.len() / 2)?[0];
     let tolerance_rad = tolerance_rad(carried);
     let turned = |other: &DQuat| kept.angle_between(*other) > tolerance_rad;
@@ -102,8 +102,8 @@ fn attitude(carried: &Carried) -> Option<[f64; 3]> {
     Some([roll, pitch, yaw])
 }
 
-/// Whether a description states the attitude of the bodies: it is constant, or the heading of the described track.
-pub(super) fn describes_attitude(carried: &Carried, pulses: &[EchoPulse]) -> bool {
+/// Whether a description can state the attitude of the bodies: it is constant, or the heading of the described track.
+pub(super) fn describes_attitude(carried: &MountedAntennas, pulses: &[EchoPulse]) -> bool {
     if attitude(carried).is_some() {
         return true;
     }
@@ -130,8 +130,8 @@ pub(super) fn describes_attitude(carried: &Carried, pulses: &[EchoPulse]) -> boo
         && heads(1, |pulse| pulse.receiver_m)
 }
 
-/// Largest error of an attitude that is described, radians.
-fn tolerance_rad(carried: &Carried) -> f64 {
+/// Largest permitted error of a described attitude, radians.
+fn tolerance_rad(carried: &MountedAntennas) -> f64 {
     let narrowest_rad = (carried.antennas.iter())
         .filter_map(|antenna| match antenna.pattern {
             Pattern::Isotropic => None,
@@ -154,7 +154,7 @@ fn quoted(text: &str) -> String {
     json.replace('\u{7f}', "\\u007F")
 }
 
-/// One point for all pulses, or one range.
+/// Reference: one point, or one range for all pulses.
 fn reference(collection: &EchoCollection) -> Result<String, String> {
     let Some(first) = collection.pulses.first() else {
         return Err("it has no pulses".to_owned());
@@ -173,7 +173,7 @@ fn reference(collection: &EchoCollection) -> Result<String, String> {
     if paths.all(|other_m| other_m == path_m) {
         return Ok(format!("reference_range = \"{} m\"\n", 0.5 * path_m));
     }
-    Err("its phases are referred neither to one point nor to one range for all pulses".to_owned())
+    Err("its phases are not referred to one point or one range for all pulses".to_owned())
 }
 
 fn origin(frame: SceneFrame) -> Result<String, String> {

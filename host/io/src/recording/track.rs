@@ -22,21 +22,21 @@ pub(super) fn unit_s(unit: &str) -> f64 {
     }
 }
 
-/// A track, and its interval of validity; `None` for all times.
+/// Track, and its interval of validity; `None` for all times.
 pub(super) struct Track {
     pub(super) body: Arc<dyn Trajectory>,
-    /// Body that carries the receiver, if it is another one.
+    /// Trajectory of the receiver's body, if separate.
     pub(super) receiver: Option<Arc<dyn Trajectory>>,
     pub(super) span_s: Option<(f64, f64)>,
     /// Gaps within the interval.
     pub(super) gaps_s: Vec<(f64, f64)>,
-    /// Warnings about the track, a sentence each.
+    /// Warnings about the track, one sentence each.
     pub(super) warnings: Vec<String>,
 }
 
 impl Track {
     /// Whether the track is valid at a time.
-    pub(super) fn knows(&self, time_s: f64) -> bool {
+    pub(super) fn is_valid_at(&self, time_s: f64) -> bool {
         self.span_s
             .is_none_or(|(from, to)| (from..=to).contains(&time_s))
             && self.gap_s(time_s).is_none()
@@ -49,7 +49,7 @@ impl Track {
     }
 }
 
-/// Track of the platform. `times_s` are the times of the first and the last of `count` pulses.
+/// Track of the platform. `times_s` are the times of the first and last of `count` pulses.
 pub(super) fn build(
     values: &Values,
     source: &Source,
@@ -57,7 +57,7 @@ pub(super) fn build(
     times_s: (f64, f64),
     count: usize,
 ) -> Result<Track, Fault> {
-    let track = way(values, source, frame, times_s, count)?;
+    let track = poses(values, source, frame, times_s, count)?;
     let Some(angles) = values.optional_vector("attitude") else {
         return Ok(track);
     };
@@ -72,7 +72,7 @@ pub(super) fn build(
     })
 }
 
-/// A body that does not rotate.
+/// Trajectory with a constant attitude.
 #[derive(Debug)]
 struct Kept {
     body: Arc<dyn Trajectory>,
@@ -88,7 +88,7 @@ impl Trajectory for Kept {
     }
 }
 
-fn way(
+fn poses(
     values: &Values,
     source: &Source,
     frame: &SceneFrame,
@@ -172,7 +172,7 @@ fn way(
     })
 }
 
-/// Longest gap in a motion capture that is interpolated, seconds: a person's step takes half of one.
+/// Longest gap in a motion capture that is interpolated, in seconds; a person's step takes five times as long.
 const LONGEST_GAP_S: f64 = 0.1;
 
 /// Longer gaps between positions.
@@ -196,7 +196,7 @@ fn axes(values: &Values) -> Result<TrackAxes, Fault> {
     }
 }
 
-/// The swing takes as long as the pulses, unless its rate is given.
+/// Swinging arm. Without a rate, one swing takes the duration of the pulses.
 fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Fault> {
     let (from_rad, to_rad) = (values.number("from_angle"), values.number("to_angle"));
     Ok(track::Arc {
@@ -212,7 +212,7 @@ fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Fau
     })
 }
 
-/// The motion takes as long as the pulses, unless its speed is given.
+/// Rail. Without a speed, the motion takes the duration of the pulses.
 fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<Rail, Fault> {
     let (from_m, to_m) = (values.vector("from"), values.vector("to"));
     if from_m.distance(to_m) < 1e-9 {
@@ -239,13 +239,13 @@ fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<
     })
 }
 
-fn evenly(values: &Values, key: &str, way: f64, duration_s: f64) -> Result<f64, Fault> {
+fn evenly(values: &Values, key: &str, amount: f64, duration_s: f64) -> Result<f64, Fault> {
     if duration_s > 0.0 {
-        return Ok(way / duration_s);
+        return Ok(amount / duration_s);
     }
     Err(Fault::new(
         &values.at,
-        format!("the pulses are all at one time, so nothing says how fast it goes: give '{key}'"),
+        format!("all pulses have the same time, so that the speed is unknown: give '{key}'"),
     ))
 }
 
@@ -266,7 +266,7 @@ fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Fault
             return Err(values.fault(
                 key,
                 format!(
-                    "has shape {:?}; real numbers of shape [{}, 3] are wanted, a row for each of 'times'",
+                    "expected real numbers of shape [{1}, 3], a row for each of 'times', found shape {0:?}",
                     positions.shape,
                     times.len()
                 ),

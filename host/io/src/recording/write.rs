@@ -1,26 +1,27 @@
-//! Echoes written as a recording: arrays, and the description that [`super::RecordingFile`] reads.
+//! Writer of echoes as a recording: arrays, and the description for [`super::RecordingFile`].
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `echoes.npy` | the samples as received, complex64, pulses x samples |
-//! | `times.npy` | the pulses' times, seconds |
-//! | `track-times.npy` | the times of the track, seconds |
-//! | `transmitter.npy` | where the transmitter is by the measured track, x, y, z, metres |
-//! | `receiver.npy` | the same of the receiver, if it is ever elsewhere |
+//! | `echoes.npy` | samples as received, complex64, pulses x samples |
+//! | `times.npy` | times of the pulses, seconds |
+//! | `track-times.npy` | times of the track, seconds |
+//! | `transmitter.npy` | transmitter positions by the measured track, x, y, z, metres |
+//! | `receiver.npy` | receiver positions, if they differ |
 //! | `recording.toml` | the description |
 //!
-//! Of several channels a channel's names end in its identifier: `echoes-T1R2.npy`. A recording is of one pair
-//! of antennas, so each has a description.
+//! With several channels the file names end in the channel's identifier: `echoes-T1R2.npy`. A recording has one
+//! antenna pair, so each channel has a description.
 //!
-//! The track has a fix a pulse, where spline and record agree to the last digit. Of a radar that moves while its sweeps
-//! last there are [`FIXES`] a sweep and one at its middle: between them the spline is off by `5/384 h^4` of the path's
-//! fourth derivative, `h` a sweep's length by 8; 1 cm at 2 Hz and sweeps of 50 ms leave 5 nm.
+//! The track has one fix per pulse, at which spline and record agree to the last digit. For a radar that moves during
+//! its sweeps it has [`FIXES`] per sweep, including one at the middle. The error of the spline in between is `5/384
+//! h^4` of the path's fourth derivative, `h` an eighth of the sweep duration: 5 nm for 1 cm at 2 Hz and sweeps of 50
+//! ms.
 //!
-//! Echoes are written as any reader of them gets them, in float32, and all numbers to the last digit: what
-//! is read back makes the phase history that the echoes make, but for rounding in float64. (A CPHD's
-//! positions, by contrast, are Earth-centred: rounded to 1 nm, a phase of `4 pi 1 nm / lambda`.)
+//! Samples are written in float32 as delivered by the echoes, all numbers with all digits. The phase history read
+//! back equals that of the echoes within float64 rounding. (Positions in CPHD are Earth-centred and rounded to 1 nm,
+//! a phase of `4 pi 1 nm / lambda`.)
 //!
-//! Memory: the blocks of a MiB, or one pulse. Cost: the echoes'.
+//! Memory: blocks of 1 MiB, or one pulse. Cost: that of reading the echoes.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -39,37 +40,38 @@ use crate::staging::{Names, Staged, StagedFile};
 use crate::together::FileSet;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
-use subaperture_model::radar::{Carried, Waveform};
+use subaperture_model::radar::{MountedAntennas, Waveform};
 
-/// Bytes of samples read at a time, at most, or one pulse.
+/// Maximum bytes of samples read at a time, unless one pulse is larger.
 const BLOCK_BYTES: usize = 1 << 20;
 
-/// Fixes of the track in a sweep, first and last sample included.
+/// Fixes of the track per sweep, first and last sample included.
 const FIXES: usize = 9;
 
-/// Echoes to be written.
+/// Echoes to write.
 pub struct Raw<'a> {
-    /// The channel's identifier, part of its files' names if there are several: letters, digits, `-` and `_`.
+    /// Identifier of the channel: letters, digits, `-` and `_`. Part of the file names if there are several channels.
     pub id: String,
-    /// Its echoes.
+    /// Echoes of the channel.
     pub echoes: &'a dyn Echoes,
-    /// Its antennas, described if one of them has a pattern, and [`describes_antennas`].
-    pub antennas: Option<Carried>,
+    /// Antennas, described if one of them has a pattern, and [`describes_antennas`].
+    pub antennas: Option<MountedAntennas>,
 }
 
-/// Whether [`write()`] describes the antennas of a channel: it has some with a pattern, and their attitude is constant or the heading of the track. The pattern of antennas
-/// that turn otherwise is not described, for a reader would point it along the heading.
+/// Whether [`write()`] describes the antennas of a channel: one has a pattern, and their attitude is constant or the
+/// heading of the track. Antennas with another attitude are not described, since a reader would point their pattern
+/// along the heading.
 pub fn describes_antennas(raw: &Raw) -> bool {
     described(raw).is_some()
 }
 
-fn described<'r>(raw: &'r Raw) -> Option<&'r Carried> {
+fn described<'r>(raw: &'r Raw) -> Option<&'r MountedAntennas> {
     let pulses = &raw.echoes.collection().pulses;
     let carried = raw.antennas.as_ref();
     carried.filter(|carried| carried.is_directive() && describes_attitude(carried, pulses))
 }
 
-/// Why echoes were not written.
+/// Reason why echoes were not written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
@@ -79,12 +81,12 @@ pub enum WriteError {
     /// The echoes could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// They cannot be described.
+    /// The echoes cannot be described as a recording.
     #[error("{name}: cannot be described as a recording: {what}")]
     Unsuited {
         /// Name of the collection.
         name: String,
-        /// Why.
+        /// Reason.
         what: String,
     },
     /// The monitor asked to stop.
@@ -92,7 +94,8 @@ pub enum WriteError {
     Cancelled,
 }
 
-/// Names of the files that [`write()`] makes of channels of these identifiers; a receiver's file only if it is apart.
+/// Names of the files that [`write()`] writes for channels with these identifiers. A receiver's file is written only
+/// if it is separate.
 pub fn names(ids: &[&str]) -> Vec<String> {
     let stems = [
         ("echoes", "npy"),
@@ -113,18 +116,18 @@ fn name(stem: &str, end: &str, id: &str, several: bool) -> String {
     }
 }
 
-/// Writes `channels` into `folder`, complete or not at all: beside it first, then renamed. In a folder that
-/// exists, descriptions are removed first and come last: who finds one finds its arrays.
+/// Write `channels` into `folder`, atomically: in a staging folder first, then renamed. In an existing folder,
+/// descriptions are removed first and renamed last, so that a description always has its arrays.
 ///
 /// # Errors
-/// [`WriteError`]; then the folder is as it was.
+/// [`WriteError`]; the folder is then unchanged.
 pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(), WriteError> {
     let mut alone = FileSet::new();
     add_to(&mut alone, folder, channels, monitor)?;
     Ok(alone.commit()?)
 }
 
-/// As [`write()`], put in place with the other files of a set.
+/// Like [`write()`], renamed together with the other files of a set.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -155,7 +158,7 @@ pub fn add_to(
             monitor.progress(done as f64 / total_bytes as f64);
         })?;
         arrays.push((&plan.samples, echoes));
-        // By which a later run knows the arrays that it may replace.
+        // Lets a later run recognise the arrays that it may replace.
         let mut text = plan.text.clone() + "\n";
         for (name, about) in arrays {
             let (bytes, crc32) = (about["bytes"].as_u64(), about["crc32"].as_str());
@@ -179,7 +182,7 @@ pub fn add_to(
     Ok(())
 }
 
-/// One channel's files.
+/// Files of one channel.
 struct Plan<'a> {
     echoes: &'a dyn Echoes,
     samples: String,
@@ -189,7 +192,7 @@ struct Plan<'a> {
     receiver: Option<String>,
     description: String,
     text: String,
-    /// The samples of a pulse at which the track is written; the middle one is among them.
+    /// Indices of the samples of a pulse at which the track is written, including the middle one.
     fixes: Vec<usize>,
 }
 
@@ -220,7 +223,10 @@ impl<'a> Plan<'a> {
         };
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
         if !raw.id.chars().all(plain) {
-            return Err(plan.unsuited(&format!("channel '{}' makes no file's name", raw.id)));
+            return Err(plan.unsuited(&format!(
+                "channel '{}': expected letters, digits, - and _, as for a file name",
+                raw.id
+            )));
         }
         let facts = Facts {
             samples: &plan.samples,
@@ -252,13 +258,13 @@ impl<'a> Plan<'a> {
         names.into_iter().chain(&self.receiver).map(String::as_str)
     }
 
-    /// Bytes of the samples: all the rest is small beside them, or next to nothing.
+    /// Size of the samples in bytes, which dominate the output.
     fn bytes(&self) -> u64 {
         let collection = self.echoes.collection();
         8 * collection.pulses.len() as u64 * collection.waveform.num_samples() as u64
     }
 
-    /// Times, and where the antennas are; the size and CRC-32 of every array.
+    /// Write times and antenna positions. Returns size and CRC-32 of every array.
     fn write_track(&self, staged: &Staged) -> Result<Vec<(&str, Value)>, WriteError> {
         let pulses = &self.echoes.collection().pulses;
         let mut written: Vec<(&str, Value)> = Vec::new();
@@ -268,7 +274,7 @@ impl<'a> Plan<'a> {
                 .try_for_each(|pulse| times.put(&[pulse.time_s]))
         })?;
         written.push((&self.times, about));
-        // A track has at least two fixes: a lone one is said twice, a second apart.
+        // A track has at least two fixes: a single one is repeated one second later.
         let lone = pulses.len() * self.fixes.len() == 1;
         let count = if lone {
             2
@@ -299,7 +305,7 @@ impl<'a> Plan<'a> {
         Ok(written)
     }
 
-    /// Time of sample `k` of pulse `n`, and where transmitter and receiver are.
+    /// Time of sample `k` of pulse `n`, and the positions of transmitter and receiver.
     fn fix(&self, n: usize, k: usize) -> (f64, [DVec3; 2]) {
         let collection = self.echoes.collection();
         let (pulse, waveform) = (&collection.pulses[n], &collection.waveform);
@@ -312,7 +318,7 @@ impl<'a> Plan<'a> {
         (time_s, self.echoes.antennas_m(n, after_s))
     }
 
-    /// An array of float64.
+    /// Write an array of float64.
     fn array(
         &self,
         staged: &Staged,
@@ -356,9 +362,9 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Whether the radar moves while a sweep lasts.
+/// Whether the radar moves during a sweep.
 fn moves(echoes: &dyn Echoes) -> bool {
-    // A pulse is short: its filter takes one path for all of it.
+    // A pulse is short: its filter uses one path for the whole pulse.
     let waveform = &echoes.collection().waveform;
     let swept = matches!(waveform, Waveform::Fmcw { .. } | Waveform::Stepped { .. });
     swept && echoes.moves()

@@ -1,4 +1,4 @@
-//! The array's description, `zarr.json`.
+//! Metadata of the array, `zarr.json`.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -6,24 +6,24 @@ use subaperture_model::image::Tiling;
 
 use crate::json::Limits;
 
-/// Its bounds: what is written takes a kilobyte.
+/// Limits on the metadata; written files have about a kilobyte.
 pub(super) const LIMITS: Limits = Limits {
     bytes: 64 << 10,
     string_bytes: 1 << 10,
     value_bytes: 0,
 };
 
-/// Most rows or columns.
+/// Maximum number of rows or columns.
 const MAX_SIDE: u64 = 1_000_000_000;
 
-/// Most bytes of a tile: plans make tiles of some 2^20 pixels, or one grain of a former's.
+/// Maximum bytes of a tile; planned tiles have about 2^20 pixels, or the smallest unit of a former.
 const LARGEST_TILE_BYTES: u64 = 1 << 28;
 
 pub(super) fn tile_bytes(tiling: &Tiling) -> u64 {
     8 * (tiling.tile[0] as u64) * (tiling.tile[1] as u64)
 }
 
-/// The description of an array in tiles.
+/// Metadata of an array in tiles.
 pub(super) fn describe(tiling: &Tiling) -> Value {
     json!({
         "zarr_format": 3,
@@ -42,7 +42,7 @@ pub(super) fn describe(tiling: &Tiling) -> Value {
     })
 }
 
-/// What is read of a description.
+/// Metadata as read.
 #[derive(Deserialize)]
 pub(super) struct Array {
     shape: [u64; 2],
@@ -72,7 +72,7 @@ struct Endian {
 }
 
 impl Array {
-    /// Sizes of image and tiles, of an array of plain little-endian complex64.
+    /// Sizes of image and tiles, for an uncompressed little-endian complex64 array.
     pub(super) fn tiling(&self) -> Result<Tiling, String> {
         let [Codec { configuration }] = &self.codecs;
         if self.data_type != "complex64" || configuration.endian != "little" {

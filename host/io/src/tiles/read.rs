@@ -1,6 +1,6 @@
-//! Pixels read from tiles: any part of the image, each tile held against its CRC-32 first.
+//! Reader of pixels from tiles: any part of the image, after the CRC-32 of each tile is verified.
 //!
-//! **Memory**: the part that is asked for, and a buffer of 64 KiB; nothing is sized by what a description claims.
+//! **Memory**: the part requested and a buffer of 64 KiB; no memory is sized by the metadata.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -15,13 +15,14 @@ use crate::input::{Stamp, open_file};
 use crate::json;
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
-/// Values that are read at a time.
+/// Number of values read at a time.
 const AT_ONCE: usize = 1 << 10;
 
-/// Most tiles that are remembered as held against their CRC-32, some 50 bytes each; with more all are looked at again.
+/// Maximum number of tiles remembered as verified, about 50 bytes each. In larger images all tiles are verified on
+/// every read.
 const MAX_VERIFIED: usize = 1 << 12;
 
-/// What a mark says of its tile.
+/// Content of a tile's mark.
 #[derive(Deserialize)]
 struct Mark {
     crc32: Option<String>,
@@ -43,18 +44,18 @@ impl ImageSource for TileStore {
 }
 
 impl TileStore {
-    /// A part of the image, from the tiles that it lies on.
+    /// Read a part of the image.
     ///
     /// # Errors
-    /// [`StoreError`], also if a tile is missing, or not what its mark says.
+    /// [`StoreError`], also if a tile is missing or differs from its mark.
     pub fn part(&self, place: &PixelBlock) -> Result<Image, StoreError> {
         self.part_of(place, |_| true)
     }
 
-    /// [`Self::part`] with zeros where tiles are missing.
+    /// Like [`Self::part`], with zeros for missing tiles.
     ///
     /// # Errors
-    /// [`StoreError`] of a tile that is there and is not what its mark says.
+    /// [`StoreError`] if an existing tile differs from its mark.
     pub fn part_so_far(&self, place: &PixelBlock) -> Result<Image, StoreError> {
         self.part_of(place, |index| self.has(index))
     }
@@ -73,7 +74,7 @@ impl TileStore {
         let there: Vec<usize> = {
             let mut there = Vec::new();
             for index in self.tiling.meeting(place).filter(|&index| is_there(index)) {
-                // Before memory is taken: the files have as many bytes as is asked for.
+                // Checked before memory is allocated, so that it is bounded by the size of the files.
                 self.check_size(index)?;
                 there.push(index);
             }
@@ -91,14 +92,14 @@ impl TileStore {
         Ok(window)
     }
 
-    /// Pixels of every so manieth row and column of a tile, from `first` on, both counted within it: a glance, which reads these rows
-    /// alone and so cannot look at the tile's CRC-32.
+    /// Read every n-th row and column of a tile from `first` on, counted within the tile. Reads these rows only and
+    /// therefore cannot verify the tile's CRC-32.
     ///
     /// # Errors
-    /// [`StoreError`] if it cannot be read, or is too short.
+    /// [`StoreError`] if the tile cannot be read or is too short.
     ///
     /// # Panics
-    /// If there is no such tile, or a step is zero.
+    /// Panics if there is no such tile, or a step is zero.
     pub fn glance(
         &self,
         index: usize,
@@ -130,13 +131,13 @@ impl TileStore {
         Ok(image)
     }
 
-    /// Reads a tile, row-major.
+    /// Read a tile, row-major.
     ///
     /// # Errors
-    /// [`StoreError`], also if it is not what its mark says.
+    /// [`StoreError`], also if it differs from its mark.
     ///
     /// # Panics
-    /// If there is no such tile.
+    /// Panics if there is no such tile.
     pub fn read(&self, index: usize) -> Result<Vec<Complex32>, StoreError> {
         Ok(self.part(&self.tiling.place(index))?.pixels)
     }
@@ -149,7 +150,7 @@ impl TileStore {
         }
     }
 
-    /// Whether a tile's file has as many bytes as a tile has.
+    /// Check the file size of a tile.
     fn check_size(&self, index: usize) -> Result<(), StoreError> {
         let path = self.chunk(index);
         let bytes = match path.metadata() {
@@ -158,13 +159,13 @@ impl TileStore {
         };
         match tile_bytes(&self.tiling) {
             wanted if bytes != wanted => {
-                Err(self.damaged(index, format!("it has {bytes} bytes and not {wanted}")))
+                Err(self.damaged(index, format!("expected {wanted} bytes, found {bytes}")))
             }
             _ => Ok(()),
         }
     }
 
-    /// Copies what a tile has of `place` into `pixels`, which are the place's.
+    /// Copy the part of a tile within `place` into `pixels`, which cover `place`.
     fn copy(
         &self,
         index: usize,
@@ -213,20 +214,20 @@ impl TileStore {
         verified.insert(index, stamp);
     }
 
-    /// Reads all of a tile's file, for the CRC-32 that its mark says.
+    /// Read the whole file of a tile and compare its CRC-32 with the mark.
     fn verify(&self, index: usize, file: &mut File) -> Result<(), Fault> {
         let mark: Mark = self.read_mark(index).map_err(Fault::Mark)?;
         let (_, crc32) = crate::input::checksum(file).map_err(Fault::Io)?;
         match mark.crc32 {
             Some(stated) if stated == crc32 => Ok(()),
             Some(stated) => Err(Fault::Differs(format!(
-                "its CRC-32 is {crc32} and not {stated}"
+                "expected CRC-32 {stated}, found {crc32}"
             ))),
-            None => Err(Fault::Differs("no CRC-32 of it is recorded".to_owned())),
+            None => Err(Fault::Differs("its CRC-32 is not recorded".to_owned())),
         }
     }
 
-    /// A tile's mark, as any type.
+    /// Read a tile's mark as any type.
     pub(super) fn read_mark<T: serde::de::DeserializeOwned>(
         &self,
         index: usize,
@@ -246,7 +247,7 @@ enum Fault {
     Differs(String),
 }
 
-/// Hands over the values of columns of a row of a tile, whose rows have `width`.
+/// Pass the values of a range of columns in a row of a tile to `take`; tile rows have `width` values.
 fn each_value(
     file: &mut File,
     row: usize,
@@ -267,7 +268,7 @@ fn each_value(
     Ok(())
 }
 
-/// A value of eight bytes.
+/// Decode a value of eight bytes.
 fn complex([a, b, c, d, e, f, g, h]: [u8; 8]) -> Complex32 {
     Complex32::new(
         f32::from_le_bytes([a, b, c, d]),

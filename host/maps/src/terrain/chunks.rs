@@ -43,7 +43,7 @@ impl Chunks {
     /// Open a TIFF. Directory and one strip or tile may take `allowed_bytes`.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// Description of the fault.
     pub(crate) fn open(mut file: File, allowed_bytes: u64) -> Result<Self, String> {
         directory::check(&mut file, allowed_bytes)?;
         let failed = |error: tiff::TiffError| format!("cannot decode the TIFF: {error}");

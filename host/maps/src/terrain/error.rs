@@ -22,7 +22,7 @@ pub enum TerrainError {
     Format {
         /// File.
         path: PathBuf,
-        /// What is wrong, and what to do.
+        /// Fault of the file and remedy.
         what: String,
     },
     /// No elevation model in the file or folder overlaps the scene.

@@ -30,7 +30,7 @@ impl Axis {
         let count = (steps - 1e-9).ceil().max(1.0);
         if count > MAX_ELEMENTS {
             return Err(GridError(format!(
-                "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
+                "range {start}:{stop}:{step}: expected at most 1e9 elements, found {count:.3e}"
             )));
         }
         Ok(Self {
@@ -46,5 +46,5 @@ impl Axis {
 #[error("grid: {0}")]
 pub struct GridError(pub String);
 
-/// Most elements of an axis.
+/// Maximum number of elements of an axis.
 pub(super) const MAX_ELEMENTS: f64 = 1e9;

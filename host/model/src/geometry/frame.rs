@@ -1,10 +1,10 @@
-//! The scene frame: the Cartesian axes in which all positions are given.
+//! Scene frame: the Cartesian axes of all positions.
 
 use glam::DVec3;
 
 use super::Geodetic;
 
-/// Where the scene's origin and axes lie. `z = x cross y`.
+/// Origin and axes of the scene. `z = x cross y`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SceneFrame {
     /// Local axes of the recording, without a position on the Earth.
@@ -21,7 +21,7 @@ pub enum SceneFrame {
 }
 
 impl SceneFrame {
-    /// Axes east, north and up (normal to the ellipsoid) at a place of the Earth.
+    /// Frame with axes east, north and up (normal to the ellipsoid) at a point on the Earth.
     pub fn east_north_up(origin: &Geodetic) -> Self {
         let [east, north, _] = origin.east_north_up();
         Self::Earth {
@@ -39,7 +39,7 @@ impl SceneFrame {
         }
     }
 
-    /// Whether positions in both frames mean the same place, to a micrometre at a kilometre.
+    /// Whether equal coordinates in both frames are the same point, within a micrometre at a kilometre.
     pub fn agrees_with(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Local, Self::Local) => true,
@@ -77,7 +77,7 @@ impl SceneFrame {
             && origin_ecf_m.length() <= 1e10
     }
 
-    /// ECF position to scene frame; unchanged in a local frame.
+    /// Convert an ECF position to the scene frame. Unchanged in a local frame.
     pub fn from_ecf_m(&self, position: DVec3) -> DVec3 {
         match *self {
             Self::Local => position,
@@ -85,7 +85,7 @@ impl SceneFrame {
         }
     }
 
-    /// Scene position to ECF; unchanged in a local frame. The inverse of [`Self::from_ecf_m`].
+    /// Convert a scene position to ECF. Unchanged in a local frame. Inverse of [`Self::from_ecf_m`].
     pub fn to_ecf_m(&self, position: DVec3) -> DVec3 {
         match *self {
             Self::Local => position,
@@ -93,7 +93,7 @@ impl SceneFrame {
         }
     }
 
-    /// ECF direction to scene frame, without the origin; unchanged in a local frame.
+    /// Convert an ECF direction to scene axes. Unchanged in a local frame.
     pub fn direction_from_ecf(&self, direction: DVec3) -> DVec3 {
         match *self {
             Self::Local => direction,
@@ -109,7 +109,7 @@ impl SceneFrame {
         }
     }
 
-    /// Scene direction to ECF, without the origin.
+    /// Convert a scene direction to ECF axes. Unchanged in a local frame.
     pub fn direction_to_ecf(&self, direction: DVec3) -> DVec3 {
         match *self {
             Self::Local => direction,
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scene_axes_are_where_they_say() {
+    fn scene_frame_converts_positions_and_directions() {
         // On the equator at 90 deg east: x east is -X, y north is Z, so z up is Y.
         let frame = SceneFrame::Earth {
             origin_ecf_m: DVec3::new(0.0, 6_378_137.0, 0.0),
@@ -149,7 +149,7 @@ mod tests {
             height_m: 0.0,
         };
         assert!(SceneFrame::east_north_up(&there).agrees_with(&frame));
-        // 20 m to the north are 20 m / 6335.4 km of latitude, and 300 m up is up, less what the Earth falls away.
+        // 20 m north are 20 m / 6335.4 km of latitude. The height is 300 m up plus the drop of the curved Earth.
         let found = frame.geodetic(DVec3::new(0.0, 20.0, 300.0)).unwrap();
         let north_deg = (20.0f64 / (6_335_439.3 + 300.0)).to_degrees();
         assert!((found.latitude_deg - north_deg).abs() < 1e-10, "{found:?}");

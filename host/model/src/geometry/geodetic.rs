@@ -10,7 +10,7 @@ pub(super) const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
 /// Limit of Bowring iterations; two suffice up to some hundred kilometres of height.
 const MAX_STEPS: usize = 20;
 
-/// A place by latitude, longitude and height above the WGS 84 ellipsoid.
+/// Position by latitude, longitude and height above the WGS 84 ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Geodetic {
     /// Latitude, degrees, north positive.
@@ -22,13 +22,16 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// From Earth-centred Earth-fixed coordinates, metres: by Bowring's iteration, to some roundings of the coordinates (2e-9 m at the Earth's surface) from 1000 km below it
-    /// to any height; at the poles the longitude is 0. Nearer to the Earth's centre, where several places have one normal, it may be any of them.
+    /// Convert from Earth-centred Earth-fixed coordinates in metres by Bowring's iteration. The error is some
+    /// roundings of the coordinates (2e-9 m at the Earth's surface) from 1000 km below the surface to any height. At
+    /// the poles the longitude is 0. Nearer to the Earth's centre several solutions exist; any of them may be
+    /// returned.
     pub fn from_ecf_m(position: DVec3) -> Self {
         let axis_m = libm::hypot(position.x, position.y);
         let minor_m = SEMI_MAJOR_M * (1.0 - FLATTENING);
         let second = ECCENTRICITY2 / (1.0 - ECCENTRICITY2);
-        // Sine and cosine of the reduced latitude; each step leaves less than a hundredth of the error, near the surface a millionth.
+        // Sine and cosine of the reduced latitude. Each step reduces the error by a factor of at least 100, and of a
+        // million near the surface.
         let unit = |z: f64, x: f64| {
             let length = libm::hypot(z, x);
             if length > 0.0 {
@@ -57,13 +60,13 @@ impl Geodetic {
         Self {
             latitude_deg: libm::atan2(sin, cos).to_degrees(),
             longitude_deg: libm::atan2(position.y, position.x).to_degrees(),
-            // Along the normal, less its part within the ellipsoid.
+            // Distance along the normal minus its part inside the ellipsoid.
             height_m: axis_m * cos + position.z * sin
                 - SEMI_MAJOR_M * (1.0 - ECCENTRICITY2 * sin * sin).sqrt(),
         }
     }
 
-    /// Earth-centred Earth-fixed coordinates, metres. The inverse of [`Self::from_ecf_m`].
+    /// Convert to Earth-centred Earth-fixed coordinates in metres. Inverse of [`Self::from_ecf_m`].
     pub fn to_ecf_m(&self) -> DVec3 {
         let (sin_lat, cos_lat) = libm::sincos(self.latitude_deg.to_radians());
         let (sin_lon, cos_lon) = libm::sincos(self.longitude_deg.to_radians());
@@ -84,10 +87,9 @@ impl Geodetic {
         ]
     }
 
-    /// The direction of an increment in latitude and longitude (radians): north by the meridian's
-    /// radius of curvature, east by the parallel's radius, both at this height. For an HAE reference
-    /// surface the increments are `uIAXLL` or `uIAYLL`, radians for one metre along the image axis,
-    /// so the result has a length of about 1 m.
+    /// Direction of an increment in latitude and longitude (radians): north by the meridian's radius of curvature,
+    /// east by the parallel's radius, both at this height. For an HAE reference surface the increments are `uIAXLL`
+    /// or `uIAYLL`, radians per metre along the image axis, so the result has a length of about 1 m.
     pub fn direction(&self, d_latitude: f64, d_longitude: f64) -> DVec3 {
         let [east, north, _] = self.east_north_up();
         let (sin_lat, cos_lat) = libm::sincos(self.latitude_deg.to_radians());
@@ -103,7 +105,7 @@ impl Geodetic {
 mod tests {
     use super::*;
 
-    /// x = (N + h) cos(lat) cos(lon) and so on: the definition of geodetic coordinates.
+    /// Definition of geodetic coordinates: x = (N + h) cos(lat) cos(lon) and so on.
     fn to_ecf(place: Geodetic) -> DVec3 {
         let (sin_lat, cos_lat) = place.latitude_deg.to_radians().sin_cos();
         let (sin_lon, cos_lon) = place.longitude_deg.to_radians().sin_cos();
@@ -134,7 +136,7 @@ mod tests {
                 longitude_deg,
                 height_m,
             };
-            // Places have some 1e-9 m of roundings, those of satellites more.
+            // Positions have roundings of about 1e-9 m, those of satellites more.
             let scale = 1.0 + height_m.abs() / SEMI_MAJOR_M;
             assert!(place.to_ecf_m().distance(to_ecf(place)) < 1e-8 * scale);
             let back = Geodetic::from_ecf_m(to_ecf(place));
@@ -160,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn the_poles_and_the_centre_are_places() {
+    fn poles_and_centre_convert_to_finite_coordinates() {
         let polar_m = SEMI_MAJOR_M * (1.0 - FLATTENING);
         for sign in [1.0, -1.0] {
             let pole = Geodetic::from_ecf_m(DVec3::new(0.0, 0.0, sign * (polar_m + 20.0)));

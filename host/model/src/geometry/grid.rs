@@ -1,11 +1,11 @@
-//! Image grids: which point of the scene each pixel is.
+//! Image grids: positions of the pixels in the scene.
 //!
-//! A grid has rows and columns; row-major pixel `row * columns + column`. Two kinds:
+//! A grid has rows and columns; pixel `(row, column)` has the index `row * columns + column`. Two kinds:
 //! - Cartesian in a plane of any orientation: `origin + x_axis x(column) + y_axis y(row)`;
 //! - polar in such a plane: `origin + r (x_axis cos(theta) + y_axis sin(theta))` with range `r` by
 //!   row and angle `theta` by column.
 //!
-//! With a [`Relief`] pixels lie on a surface over the plane, each on the plane's normal through the point that it has there without.
+//! With a [`Relief`] the pixels are on a surface above the plane, displaced along the plane's normal.
 
 use std::str::FromStr;
 
@@ -15,7 +15,7 @@ use super::axis::MAX_ELEMENTS;
 use super::{Axis, GridError, Relief};
 use crate::units::Dimension;
 
-/// A rectangle of the scene plane, metres.
+/// Rectangle in the scene plane, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
     /// Smallest and largest x.
@@ -24,10 +24,10 @@ pub struct Extent {
     pub y_m: (f64, f64),
 }
 
-/// A rectangular array of scene points.
+/// Rectangular array of scene points.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ImageGrid {
-    /// The point at `x = y = 0`, or the polar grid's pole, metres in the scene frame.
+    /// Point at `x = y = 0`, or the pole of a polar grid, metres in the scene frame.
     pub origin_m: DVec3,
     /// Unit vector of x, or of `theta = 0`.
     pub x_axis: DVec3,
@@ -39,13 +39,13 @@ pub struct ImageGrid {
     pub rows: Axis,
     /// Whether rows and columns are range and angle.
     pub polar: bool,
-    /// Heights of the surface on which pixels lie over the plane; none if they lie in it.
+    /// Heights of the pixels' surface above the plane. `None` for pixels in the plane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relief: Option<Relief>,
 }
 
 impl ImageGrid {
-    /// A horizontal Cartesian grid at height `z_m`.
+    /// Create a horizontal Cartesian grid at height `z_m`.
     pub fn horizontal(x: Axis, y: Axis, z_m: f64) -> Self {
         Self {
             origin_m: DVec3::new(0.0, 0.0, z_m),
@@ -58,7 +58,7 @@ impl ImageGrid {
         }
     }
 
-    /// The same grid with its pixels on a surface over its plane.
+    /// Same grid with pixels on a surface above its plane.
     #[must_use]
     pub fn on(self, relief: Relief) -> Self {
         Self {
@@ -67,7 +67,7 @@ impl ImageGrid {
         }
     }
 
-    /// The same grid with its pixels in its plane.
+    /// Same grid with pixels in its plane.
     #[must_use]
     pub fn flat(&self) -> Self {
         Self {
@@ -76,30 +76,34 @@ impl ImageGrid {
         }
     }
 
-    /// Whether rows and columns are straight lines with pixels at even steps: Cartesian, and in a plane.
+    /// Whether the grid is Cartesian and planar, so that pixels are equally spaced on straight lines.
     #[inline]
     pub fn is_raster(&self) -> bool {
         !self.polar && self.relief.is_none()
     }
 
-    /// Describe the fault of an invalid grid; `None` if it is valid. Faults: axes that are not square to one another and of unit length,
-    /// axes without elements or of more than 1e9, a coordinate that is NaN or farther than 1e9 m
-    /// from the scene's origin (an angle: 1e9 rad).
+    /// Describe the fault of an invalid grid; `None` if it is valid. Faults: axes that are not orthogonal unit
+    /// vectors, axes without elements or with more than 1e9, a coordinate that is NaN or farther than 1e9 m from the
+    /// scene's origin (for an angle 1e9 rad).
     pub fn fault(&self) -> Option<GridError> {
         let (x, y) = (self.x_axis, self.y_axis);
         let off = (x.length() - 1.0)
             .abs()
             .max((y.length() - 1.0).abs())
             .max(x.dot(y).abs());
-        // A length that overflows is a NaN or infinite here.
+        // An overflowing length is NaN or infinite.
         if off.is_nan() || off > AXIS_TOLERANCE {
-            let what =
-                format!("x_axis and y_axis are not orthogonal unit vectors (off by {off:.1e})");
+            let what = format!(
+                "expected x_axis and y_axis to be orthogonal unit vectors, found a deviation of {off:.1e}"
+            );
             return Some(GridError(what));
         }
         for (name, axis) in [("columns", self.columns), ("rows", self.rows)] {
             if axis.count == 0 || axis.count as f64 > MAX_ELEMENTS {
-                let what = format!("{} {name}; 1 to {MAX_ELEMENTS:e} are possible", axis.count);
+                let what = format!(
+                    "expected 1 to {MAX_ELEMENTS:e} {name}, found {}",
+                    axis.count
+                );
                 return Some(GridError(what));
             }
             let ends = [axis.start, axis.at(axis.count - 1)];
@@ -118,22 +122,26 @@ impl ImageGrid {
             .to_array()
             .iter()
             .all(|x| x.abs() <= FARTHEST_M);
-        far.then(|| GridError(format!("its origin lies more than {FARTHEST_M:e} m away")))
+        far.then(|| {
+            GridError(format!(
+                "its origin is more than {FARTHEST_M:e} m from the scene's origin"
+            ))
+        })
     }
 
-    /// Rows times columns; cannot overflow for axes of at most 1e9 elements.
+    /// Number of pixels. Cannot overflow for axes of at most 1e9 elements.
     #[inline]
     pub fn num_pixels(&self) -> u64 {
         self.rows.count as u64 * self.columns.count as u64
     }
 
-    /// The scene point of a pixel, metres.
+    /// Scene position of a pixel in metres.
     #[inline]
     pub fn position_m(&self, row: usize, column: usize) -> DVec3 {
         self.point_m(self.rows.at(row), self.columns.at(column))
     }
 
-    /// The scene point at grid coordinates: y and x, or range and angle.
+    /// Scene position in metres at grid coordinates: y and x, or range and angle.
     #[inline]
     pub fn point_m(&self, row_value: f64, column_value: f64) -> DVec3 {
         let flat = if self.polar {
@@ -151,7 +159,7 @@ impl ImageGrid {
         }
     }
 
-    /// Where the pixel at grid coordinates lies in the plane, metres along its axes from the origin.
+    /// Position in the plane at grid coordinates, metres along the plane's axes from the origin.
     #[inline]
     pub fn plane_m(&self, row_value: f64, column_value: f64) -> [f64; 2] {
         match self.polar {
@@ -163,19 +171,19 @@ impl ImageGrid {
         }
     }
 
-    /// Of the plane: `x_axis` cross `y_axis`.
+    /// Normal of the plane, `x_axis` cross `y_axis`.
     #[inline]
     pub fn normal(&self) -> DVec3 {
         self.x_axis.cross(self.y_axis)
     }
 }
 
-/// Axes further than this from orthonormal are no axes; rounding leaves some 1e-16.
+/// Maximum deviation of the axes from orthonormal; rounding causes about 1e-16.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
 impl ImageGrid {
-    /// How the scene point moves with the column's value and with the row's, at grid coordinates: unit vectors, but metres a
-    /// radian for the angle of a polar grid, and longer where a surface rises or falls.
+    /// Derivatives of the scene position with respect to the column's and the row's value at grid coordinates: unit
+    /// vectors, except metres per radian for the angle of a polar grid, and longer vectors on a sloping surface.
     #[inline]
     pub fn directions(&self, row_value: f64, column_value: f64) -> [DVec3; 2] {
         let flat = match self.polar {
@@ -199,8 +207,8 @@ impl ImageGrid {
         })
     }
 
-    /// Grid coordinates, row's and column's, of the point of the grid's plane that is nearest to a scene point; for a
-    /// point of the grid's surface those of itself.
+    /// Grid coordinates (row's and column's value) of the point of the plane nearest to a scene point. For a point of
+    /// the grid's surface these are the coordinates of that point.
     #[inline]
     pub fn coordinates(&self, point_m: DVec3) -> [f64; 2] {
         let from = point_m - self.origin_m;
@@ -212,19 +220,17 @@ impl ImageGrid {
     }
 }
 
-/// Farthest that a coordinate may lie from the scene's origin, metres: beyond any scene, yet float64
-/// still resolves 1e-7 m there.
+/// Maximum distance of a coordinate from the scene's origin in metres: beyond any scene, but still resolved to 1e-7 m
+/// in float64.
 const FARTHEST_M: f64 = 1e9;
 
-/// Parses `x=START:STOP:STEP,y=START:STOP:STEP` or, with theta in degrees,
-/// `r=START:STOP:STEP,theta=START:STOP:STEP`; either followed by any of `cx=X`, `cy=Y`, `z=Z` (the
-/// origin or pole, metres) and `yaw=DEG`, `pitch=DEG`, `roll=DEG`. A key may come once, in any
-/// place. The stop is excluded; of x and y, one may leave out its step and takes the other's.
-/// Coordinates are at most 1e9 m.
+/// Parse `x=START:STOP:STEP,y=START:STOP:STEP` or, with theta in degrees, `r=START:STOP:STEP,theta=START:STOP:STEP`.
+/// Either may be followed by `cx=X`, `cy=Y`, `z=Z` (origin or pole, metres) and `yaw=DEG`, `pitch=DEG`, `roll=DEG`.
+/// Keys may be in any order, each at most once. The stop is excluded. One of x and y may omit its step, which is then
+/// that of the other. Coordinates are at most 1e9 m.
 ///
-/// The plane is turned about its origin by yaw (about z), then pitch (about the new y), then roll
-/// (about the new x), each right-handed: positive yaw turns x towards y, positive pitch turns x
-/// down, positive roll turns y up.
+/// The plane is rotated about its origin by yaw (about z), then pitch (about the new y), then roll (about the new x),
+/// each right-handed: positive yaw rotates x towards y, positive pitch lowers x, positive roll raises y.
 impl FromStr for ImageGrid {
     type Err = GridError;
 
@@ -240,7 +246,7 @@ impl FromStr for ImageGrid {
             })?;
             let (key, value) = (key.trim(), value.trim());
             if seen.contains(&key) {
-                return Err(GridError(format!("{key} is given twice: give it once")));
+                return Err(GridError(format!("{key} is given more than once")));
             }
             seen.push(key);
             if let Some(i) = ["x", "y", "r", "theta"].iter().position(|&k| k == key) {
@@ -294,7 +300,7 @@ impl FromStr for ImageGrid {
     }
 }
 
-/// An axis as written, its step perhaps left out.
+/// Axis as written; the step is optional.
 #[derive(Clone, Copy)]
 struct Range {
     start: f64,
@@ -343,8 +349,8 @@ fn parse_number(key: &str, text: &str) -> Result<f64, GridError> {
         .ok_or_else(|| GridError(format!("{key}: '{text}' is not a finite number")))
 }
 
-/// Numbers parted by colons, metres or of angles degrees; or quantities with units, `-1:1:0.5km`, of which one without
-/// takes that to its right.
+/// Numbers separated by colons, in metres or, for angles, degrees; or quantities with units, such as `-1:1:0.5km`,
+/// where a number without a unit has the unit to its right.
 fn parse_numbers(key: &str, value: &str) -> Result<Vec<f64>, GridError> {
     let parts: Vec<&str> = value.split(':').map(str::trim).collect();
     let has_unit = |part: &str| {
@@ -370,7 +376,7 @@ fn parse_numbers(key: &str, value: &str) -> Result<Vec<f64>, GridError> {
 fn near_enough(key: &str, value_m: f64) -> Result<f64, GridError> {
     if value_m.abs() > FARTHEST_M {
         return Err(GridError(format!(
-            "{key}: {value_m:e} m is too far away: coordinates may be at most {FARTHEST_M:e} m"
+            "{key}: expected coordinates of at most {FARTHEST_M:e} m, found {value_m:e} m"
         )));
     }
     Ok(value_m)
@@ -392,24 +398,24 @@ mod tests {
     }
 
     #[test]
-    fn units_are_understood() {
+    fn quantities_with_units_are_parsed() {
         let grid = |text: &str| text.parse::<ImageGrid>();
         let plain = grid("x=-50:50:0.5,y=1000:2000:2,z=3,cx=10,yaw=30").unwrap();
         let united = grid("x=-50m:50m:50cm,y=1:2km:2m,z=3m,cx=0.01km,yaw=30deg").unwrap();
         assert_eq!(united.columns, plain.columns);
-        // "1:2km:2m": what has no unit takes that to its right.
+        // "1:2km:2m": a number without a unit has the unit to its right.
         assert_eq!(united.rows, plain.rows);
         assert!((united.origin_m - plain.origin_m).length() < 1e-12);
         assert!((united.x_axis - plain.x_axis).length() < 1e-12);
         for (text, part) in [
-            ("x=0:1:1Hz,y=0:1:1", "is a frequency and a length is wanted"),
+            ("x=0:1:1Hz,y=0:1:1", "expected a length, found a frequency"),
             (
                 "x=0:1:1,y=0:1:1,yaw=3m",
-                "is a length and an angle is wanted",
+                "expected an angle, found a length",
             ),
             ("x=0:1:1,y=0:1:1,z=1:2", "write one number"),
-            ("x=0:2e9:1km,y=0:1:1", "beyond anything sensible"),
-            ("x=0:2e9:1,y=0:1:1", "too far away"),
+            ("x=0:2e9:1km,y=0:1:1", "is too large"),
+            ("x=0:2e9:1,y=0:1:1", "expected coordinates of at most"),
         ] {
             let error = grid(text).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
@@ -417,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn polar_grid_and_turned_plane() {
+    fn polar_grid_and_rotated_plane_have_expected_positions() {
         let grid: ImageGrid = "r=10:20:5,theta=0:180:90,cx=1".parse().unwrap();
         let p = grid.position_m(1, 1);
         assert!((p - DVec3::new(1.0, 15.0, 0.0)).length() < 1e-9);
@@ -434,7 +440,7 @@ mod tests {
             ("roll=30", [1.0, 0.0, 0.0], [0.0, cos, sin]),
             // Yaw first: then pitch is about the new y, -x, and lowers the new x, y.
             ("yaw=90,pitch=30", [0.0, cos, -sin], [-1.0, 0.0, 0.0]),
-            // Roll last, about the pitched x: y rises square to it, along (sin 30, 0, cos 30).
+            // Roll last, about the pitched x: y rises normal to it, along (sin 30, 0, cos 30).
             ("pitch=30,roll=90", [cos, 0.0, -sin], [sin, 0.0, cos]),
         ] {
             let text = format!("x=0:2:1,y=0:2:1,cx=5,cy=6,z=7,{turn}");
@@ -456,13 +462,13 @@ mod tests {
             ("x=0:1:0,y=0:1:1", "positive step"),
             ("x=0:1:1,y=0:nan:1", "not a finite number"),
             ("q=1", "unknown key"),
-            ("x=0:1e9:0.1,y=0:1:1", "at most 1e9 are possible"),
-            ("x=0:1e12:1,y=0:1:1", "x: 1e12 m is too far"),
-            ("x=-2e9:0:1,y=0:1:1", "x: -2e9 m is too far"),
-            ("x=0:1:1,y=0:1:1,z=1e10", "z: 1e10 m is too far"),
-            ("r=0:1:1,theta=0:1:1,cy=1e300", "at most 1e9 m"),
-            ("x=0:1:1,y=0:1:1,x=0:2:1", "x is given twice"),
-            ("x=0:1:1,y=0:1:1,z=0, z=1", "z is given twice"),
+            ("x=0:1e9:0.1,y=0:1:1", "expected at most 1e9 elements"),
+            ("x=0:1e12:1,y=0:1:1", "found 1e12 m"),
+            ("x=-2e9:0:1,y=0:1:1", "found -2e9 m"),
+            ("x=0:1:1,y=0:1:1,z=1e10", "found 1e10 m"),
+            ("r=0:1:1,theta=0:1:1,cy=1e300", "of at most 1e9 m"),
+            ("x=0:1:1,y=0:1:1,x=0:2:1", "x is given more than once"),
+            ("x=0:1:1,y=0:1:1,z=0, z=1", "z is given more than once"),
         ] {
             let error = text.parse::<ImageGrid>().unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");

@@ -1,4 +1,4 @@
-//! Where things are: the scene frame, image grids and their axes.
+//! Geometry: scene frame, image grids and their axes.
 
 mod axis;
 mod frame;

@@ -1,12 +1,14 @@
-//! The relief of a focusing surface: its heights over the plane of an image grid.
+//! Relief of a focusing surface: heights above the plane of an image grid.
 //!
-//! A grid is a plane. With a relief its pixels lie on a surface over that plane: each as far along the plane's normal as the relief is high there,
-//! so that the pixel of a point of the surface is found as that of a plane's, by the foot of its normal ([`super::ImageGrid::coordinates`]).
-//! Of a horizontal plane the normal is the vertical at the scene's origin.
+//! A grid is a plane. With a relief its pixels are on a surface above that plane, displaced along the plane's normal
+//! by the height of the relief there. The pixel of a surface point is therefore found as in a plane, from the foot of
+//! its normal ([`super::ImageGrid::coordinates`]). The normal of a horizontal plane is the vertical at the scene's
+//! origin.
 //!
-//! Heights are held at nodes, on a lattice of the plane's coordinates in metres, and bilinear between them; beyond the outermost nodes as at them.
-//! The nodes define the surface: they give the pixel positions to the last bit, and an image focused on them is exact there.
-//! [`Relief::error_m`] gives their distance from the source surface (terrain model, ellipsoid).
+//! Heights are given at nodes, on a lattice of the plane's coordinates in metres, with bilinear interpolation in
+//! between and constant extrapolation. The nodes define the surface: they determine the pixel positions to the last
+//! bit, and an image focused on them is exact there. [`Relief::error_m`] states their distance from the source
+//! surface (terrain model, ellipsoid).
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -15,16 +17,16 @@ use serde::{Deserialize, Serialize};
 
 use super::{Axis, GridError};
 
-/// Nodes are whole multiples of this, metres, so that text holds them in few digits: far less than any ground is known to.
+/// Unit of node heights in metres, so that they have few digits in text. Far below the accuracy of any terrain model.
 const UNIT_M: f64 = 1e-4;
 
-/// Most nodes of a relief: 2 MiB, and at most 3.5 MB of text in records and plans.
+/// Maximum number of nodes: 2 MiB, and at most 3.5 MB of text in records and plans.
 const MAX_NODES: u64 = Relief::MAX_NODES as u64;
 
-/// Highest that a surface may lie over its plane, or below it, metres.
+/// Maximum height of the surface above or below its plane in metres.
 const HIGHEST_M: f64 = 1e6;
 
-/// Heights over a plane. A copy is another name of the same nodes.
+/// Heights above a plane. Copies share the nodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Text", into = "Text")]
 pub struct Relief(Arc<Nodes>);
@@ -35,19 +37,20 @@ struct Nodes {
     columns: Axis,
     rows: Axis,
     error_m: f64,
-    /// Rows first.
+    /// Heights row by row.
     heights_m: Vec<f64>,
 }
 
 impl Relief {
-    /// Most nodes of a relief.
+    /// Maximum number of nodes.
     pub const MAX_NODES: usize = 1 << 18;
 
-    /// Heights at nodes, row by row: `columns` along the plane's x axis, `rows` along its y axis, metres from the grid's origin, and at least two
-    /// of each. `surface` says what it is; `error_m` how far from that it may be. Heights are rounded to 0.1 mm.
+    /// Create a relief from heights at nodes, row by row: `columns` along the plane's x axis, `rows` along its y
+    /// axis, metres from the grid's origin, at least two of each. `surface` describes the source surface and
+    /// `error_m` bounds the distance from it. Heights are rounded to 0.1 mm.
     ///
     /// # Errors
-    /// [`GridError`] where nodes are too many or too few, or not numbers of at most 1e6 m.
+    /// [`GridError`] for too few or too many nodes, or heights that are not finite or exceed 1e6 m.
     pub fn new(
         surface: impl Into<String>,
         [rows, columns]: [Axis; 2],
@@ -63,7 +66,7 @@ impl Relief {
                     .all(|end| end.abs() <= 1e9);
             if !sound {
                 return Err(GridError(format!(
-                    "the surface's {name} of nodes begin at {} m, {} m apart, {} of them: two at least, a positive step, and no \
+                    "relief: {name} of nodes from {} m in steps of {} m, {} in number: expected at least two, a positive step, and no \
                      end beyond 1e9 m are possible",
                     axis.start, axis.step, axis.count
                 )));
@@ -72,7 +75,7 @@ impl Relief {
         let count = rows.count as u64 * columns.count as u64;
         if count > MAX_NODES || count != heights_m.len() as u64 {
             return Err(GridError(format!(
-                "the surface has {} x {} nodes and {} heights: as many heights as nodes, and at most {MAX_NODES}, are possible",
+                "relief of {} x {} nodes with {} heights: expected one height per node and at most {MAX_NODES} nodes",
                 rows.count,
                 columns.count,
                 heights_m.len()
@@ -83,14 +86,16 @@ impl Relief {
             .position(|h| h.is_nan() || h.abs() > HIGHEST_M)
         {
             return Err(GridError(format!(
-                "the surface's height at node {} of row {} is {}: numbers of at most {HIGHEST_M:e} m are possible",
+                "relief: height at node {} of row {} is {}: expected a number of at most {HIGHEST_M:e} m",
                 at % columns.count,
                 at / columns.count,
                 heights_m[at]
             )));
         }
         if !(error_m >= 0.0 && error_m.is_finite()) {
-            return Err(GridError(format!("the surface's error is {error_m} m")));
+            return Err(GridError(format!(
+                "relief: expected an error of 0 m or more, found {error_m} m"
+            )));
         }
         for height in &mut heights_m {
             *height = rounded(*height);
@@ -109,7 +114,7 @@ impl Relief {
         &self.0.surface
     }
 
-    /// How far it may lie from that surface along the plane's normal, metres.
+    /// Maximum distance from the source surface along the plane's normal, metres.
     pub fn error_m(&self) -> f64 {
         self.0.error_m
     }
@@ -119,17 +124,17 @@ impl Relief {
         self.0.columns
     }
 
-    /// Nodes along its y axis.
+    /// Nodes along the plane's y axis, metres from the grid's origin.
     pub fn rows(&self) -> Axis {
         self.0.rows
     }
 
-    /// Heights at the nodes over the plane, metres, row by row.
+    /// Heights above the plane at the nodes, metres, row by row.
     pub fn heights_m(&self) -> &[f64] {
         &self.0.heights_m
     }
 
-    /// Least and greatest height over the plane, metres.
+    /// Minimum and maximum height above the plane, metres.
     pub fn range_m(&self) -> [f64; 2] {
         let heights = self.0.heights_m.iter();
         heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &h| {
@@ -137,7 +142,7 @@ impl Relief {
         })
     }
 
-    /// Between which heights it lies over a rectangle of the plane, metres: those of all nodes that bear on it.
+    /// Bounds on the height over a rectangle of the plane, metres: minimum and maximum of all nodes that affect it.
     pub fn range_over_m(&self, x_m: [f64; 2], y_m: [f64; 2]) -> [f64; 2] {
         let nodes = &*self.0;
         let ends = |axis: &Axis, values: [f64; 2]| {
@@ -159,19 +164,19 @@ impl Relief {
         range_m
     }
 
-    /// Height over the plane at a place of it, metres.
+    /// Height above the plane at a position in the plane, metres.
     #[inline]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         self.cell(x_m, y_m).height_m()
     }
 
-    /// How steep it is along the plane's x and y axes there: metres up a metre.
+    /// Slopes along the plane's x and y axes at a position.
     #[inline]
     pub fn slopes(&self, x_m: f64, y_m: f64) -> [f64; 2] {
         let cell = self.cell(x_m, y_m);
         let [[a, b], [c, d]] = cell.corners_m;
         let [v, u] = cell.at;
-        // Beyond the nodes it is level along that axis.
+        // Outside the nodes the slope along that axis is zero.
         let [along_x, along_y] = cell.within.map(|within| if within { 1.0 } else { 0.0 });
         [
             along_x * ((b - a) * (1.0 - v) + (d - c) * v) / self.0.columns.step,
@@ -179,7 +184,7 @@ impl Relief {
         ]
     }
 
-    /// The steepest that it is between nodes along either axis.
+    /// Maximum slope along either axis.
     pub fn steepest(&self) -> f64 {
         let Nodes {
             columns,
@@ -208,7 +213,7 @@ impl Relief {
         let place = |axis: &Axis, value: f64| {
             let at = (value - axis.start) / axis.step;
             let last = (axis.count - 1) as f64;
-            // A place that is no number counts as the first node.
+            // NaN counts as the first node.
             let held = at.max(0.0).min(last);
             let first = (held as usize).min(axis.count - 2);
             (first, held - first as f64, at == held)
@@ -225,12 +230,12 @@ impl Relief {
     }
 }
 
-/// Four nodes, and a place between them.
+/// Four nodes around a position.
 struct Cell {
     corners_m: [[f64; 2]; 2],
-    /// From the first node, 0 to 1, along rows' and columns' axes.
+    /// Position between the nodes, 0 to 1, along the axes of rows and columns.
     at: [f64; 2],
-    /// Whether the place is between nodes along x and y.
+    /// Whether the position is within the nodes along x and y.
     within: [bool; 2],
 }
 
@@ -244,13 +249,13 @@ impl Cell {
     }
 }
 
-/// A height as text holds it.
+/// Round a height to the unit of the text form.
 fn rounded(height_m: f64) -> f64 {
     // Division by a whole number gives the float64 nearest to the decimal number; adding zero turns -0 into 0.
     (height_m / UNIT_M).round() / (1.0 / UNIT_M).round() + 0.0
 }
 
-/// As text: a row of nodes is one line of numbers.
+/// Text form with one line of numbers per row of nodes.
 #[derive(Serialize, Deserialize)]
 struct Text {
     surface: String,
@@ -295,7 +300,7 @@ impl TryFrom<Text> for Relief {
             for number in line.split_ascii_whitespace() {
                 let height = number.parse::<f64>().map_err(|_| {
                     GridError(format!(
-                        "the surface's row {row} of nodes holds '{number}', which is no number"
+                        "relief: row {row}: expected a number, found '{number}'"
                     ))
                 })?;
                 heights_m.push(height);
@@ -303,7 +308,7 @@ impl TryFrom<Text> for Relief {
             let found = heights_m.len() - before;
             if found != text.columns.count {
                 return Err(GridError(format!(
-                    "the surface's row {row} of nodes has {found} heights and not {}",
+                    "relief: row {row}: expected {} heights, found {found}",
                     text.columns.count
                 )));
             }
@@ -325,9 +330,9 @@ mod tests {
         Axis { start, step, count }
     }
 
-    /// A bilinear function is met everywhere, its slopes too.
+    /// A bilinear function is reproduced everywhere, slopes included.
     #[test]
-    fn a_bilinear_surface_is_itself() {
+    fn bilinear_surface_is_reproduced() {
         let [rows, columns] = [axis(-4.0, 2.0, 6), axis(1.0, 0.5, 5)];
         let height = |x: f64, y: f64| 3.0 + 0.5 * x - 0.25 * y + 0.125 * x * y;
         let heights = (0..6)
@@ -340,7 +345,7 @@ mod tests {
         let [along_x, along_y] = relief.slopes(1.3, 0.7);
         assert!((along_x - (0.5 + 0.125 * 0.7)).abs() < 1e-12);
         assert!((along_y - (-0.25 + 0.125 * 1.3)).abs() < 1e-12);
-        // Beyond the last node it goes on level.
+        // Constant extrapolation.
         assert_eq!(relief.height_m(99.0, 6.0), relief.height_m(3.0, 6.0));
         assert_eq!(relief.slopes(99.0, 0.7)[0], 0.0);
         assert_eq!(
@@ -358,7 +363,7 @@ mod tests {
                 .to_string()
         };
         let two = axis(0.0, 1.0, 2);
-        assert!(make(axis(0.0, 1.0, 1), two, vec![0.0; 2]).contains("two at least"));
+        assert!(make(axis(0.0, 1.0, 1), two, vec![0.0; 2]).contains("at least two"));
         assert!(make(axis(0.0, -1.0, 2), two, vec![0.0; 4]).contains("positive step"));
         assert!(make(two, two, vec![0.0; 3]).contains("3 heights"));
         assert!(make(two, two, vec![0.0, f64::NAN, 0.0, 0.0]).contains("node 1 of row 0"));

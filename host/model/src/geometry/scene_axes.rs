@@ -1,32 +1,31 @@
-//! How a grid's own coordinates read in the scene frame.
+//! Display of a grid's coordinates in the scene frame.
 //!
-//! A grid counts x and y from its origin, along its own axes. Where an axis is one of the scene's, a
-//! person reads the scene's coordinate there: `origin + sign * coordinate`. Along any other axis there
-//! is no such coordinate; then it is called u (along the columns' axis) or v, and a note says which
-//! way it runs and from where.
+//! A grid counts x and y from its origin along its own axes. If such an axis is parallel to one of the scene's, the
+//! scene coordinate is displayed: `origin + sign * coordinate`. Any other axis is named u (columns) or v (rows), with
+//! a note on its direction and origin.
 
 use glam::DVec3;
 
 use super::ImageGrid;
 
-/// Unit vectors this close are one: rounding of the turns by which a grid is described is 1e-16.
+/// Maximum difference of unit vectors that count as equal; rounding of described rotations is about 1e-16.
 const SAME: f64 = 1e-9;
 
 /// Scene coordinate of a Cartesian grid's axis: `offset_m + sign * coordinate`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneAxis {
-    /// x, y or z of the scene; u or v of a turned grid.
+    /// x, y or z of the scene; u or v of a rotated grid.
     pub name: &'static str,
     /// Value at coordinate 0, metres.
     pub offset_m: f64,
-    /// 1, or -1 where the grid runs against the scene's axis.
+    /// 1, or -1 for an axis opposite to the scene's.
     pub sign: f64,
-    /// Where u or v runs and begins, as `along (0.87, 0.50, 0.00) from (10, -5, 0) m`; else empty.
+    /// Direction and origin of u or v, such as `along (0.87, 0.50, 0.00) from (10, -5, 0) m`; otherwise empty.
     pub note: String,
 }
 
 impl SceneAxis {
-    /// The value to show for a grid's coordinate, metres.
+    /// Displayed value for a grid coordinate in metres.
     pub fn value_m(&self, coordinate_m: f64) -> f64 {
         self.offset_m + self.sign * coordinate_m
     }
@@ -59,7 +58,7 @@ impl SceneAxis {
     }
 }
 
-/// A point in words: millimetres, without idle zeros.
+/// Point as text, in millimetres without trailing zeros.
 fn place(point: DVec3) -> String {
     let number = |v: f64| {
         let text = format!("{v:.3}");
@@ -83,7 +82,7 @@ impl ImageGrid {
         ]
     }
 
-    /// Where a polar grid's range and angle begin, as ` from (1, 2, 0) m`; empty at the scene's origin.
+    /// Origin of a polar grid's range and angle, such as ` from (1, 2, 0) m`; empty at the scene's origin.
     pub fn pole_note(&self) -> String {
         match self.origin_m == DVec3::ZERO {
             true => String::new(),
@@ -96,9 +95,9 @@ impl ImageGrid {
 mod tests {
     use super::*;
 
-    /// Whatever an axis is called, a pixel's shown coordinates are those of its place in the scene.
+    /// For any axis name, the displayed coordinates of a pixel are those of its scene position.
     #[test]
-    fn scene_axes_read_the_scene_s_coordinates() {
+    fn scene_axes_display_scene_coordinates() {
         for (text, names) in [
             ("x=-3:3:1,y=-3:3:1,z=2", ["x", "y"]),
             ("x=-3:3:1,y=-3:3:1,cx=10,cy=-5", ["x", "y"]),
@@ -125,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn other_axes_say_where_they_run() {
+    fn rotated_axes_have_a_note_on_direction() {
         let grid: ImageGrid = "x=0:9:1,y=0:9:1,yaw=30,cx=10,cy=-5.25".parse().unwrap();
         let [u, v] = grid.scene_axes();
         assert_eq!((u.name, v.name), ("u", "v"));

@@ -1,26 +1,28 @@
 //! Tropospheric delay as an extra path length, metres in vacuum.
 //!
-//! The exponential profile: refractivity `N(h) = N0 exp(-h / H)` at a height `h` above the ellipsoid, with `N0` units (parts in a million, some 313 at sea level in the
-//! mean) and `H = 7.35 km`. The one-way extra path is
+//! Exponential profile: refractivity `N(h) = N0 exp(-h / H)` at height `h` above the ellipsoid, with `N0` in parts
+//! per million (about 313 at sea level on average) and `H = 7.35 km`. The one-way extra path is
 //!
 //! ```text
 //! 1e-6 integral of N(h(s)) ds      along the straight line from the one to the other
 //! ```
 //!
-//! 2.3 m to the zenith, over the sine of the elevation else, as long as the Earth's curvature is negligible. Neglected: bending, which lengthens the line by less than 1e-3 of that
-//! above 10 degrees of elevation; weather, which changes `N0` by a tenth or two and the wet part more; the ionosphere.
+//! At the zenith it is 2.3 m; at other elevations, as long as the Earth's curvature is negligible, that divided by
+//! the sine of the elevation. Neglected: bending, which lengthens the path by less than 1e-3 of that above 10 degrees
+//! of elevation; weather, which changes `N0` by 10 or 20 % and its wet part by more; the ionosphere.
 
 use glam::DVec3;
 
 use super::{Geodetic, SceneFrame};
 
-/// Height in which refractivity falls to 1/e, metres.
+/// Scale height of refractivity, metres.
 const SCALE_HEIGHT_M: f64 = 7350.0;
 
 /// Upper limit of the integral above the lower end, scale heights; the neglected part is 1e-8 of the rest.
 const HIGHEST: f64 = 18.0;
 
-/// Panels of the integral, each by Gauss and Legendre's four nodes: of a scale height or so each, whose remainder is below 1e-9 of it.
+/// Panels of the integral, each by four-point Gauss-Legendre quadrature over about one scale height, with a remainder
+/// below 1e-9.
 const PANELS: usize = 18;
 
 /// Nodes from -1 to 1, and weights.
@@ -31,18 +33,18 @@ const NODES: [[f64; 2]; 4] = [
     [0.861_136_311_594_052_6, 0.347_854_845_137_453_85],
 ];
 
-/// Steps by which the end of the air along a line is found: to 1e-12 of it.
+/// Bisection steps to find where a line leaves the air, to 1e-12 of its length.
 const HALVINGS: usize = 40;
 
-/// An exponential profile of refractivity.
+/// Exponential profile of refractivity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Troposphere {
-    /// Refractivity at the height 0, parts in a million.
+    /// Refractivity at height 0, parts per million.
     pub refractivity: f64,
 }
 
 impl Troposphere {
-    /// Refractivity at sea level in the mean, parts in a million.
+    /// Mean refractivity at sea level, parts per million.
     pub const MEAN_REFRACTIVITY: f64 = 313.0;
 
     /// One-way extra path between two points of a scene, metres; `None` in a local frame, which has no heights above the ellipsoid.
@@ -88,15 +90,16 @@ impl Troposphere {
 mod tests {
     use super::*;
 
-    /// In the equator's plane heights are distances from the centre less the semi-major axis: a fine sum over the line by that alone.
+    /// Reference: in the equatorial plane heights are distances from the centre minus the semi-major axis, so the
+    /// integral is a fine sum along the line.
     #[test]
-    fn extra_paths_are_the_integral() {
+    fn extra_paths_equal_numerical_integral() {
         let radius_m = 6_378_137.0;
         let at = |angle: f64, height_m: f64| {
             let r = radius_m + height_m;
             DVec3::new(r * angle.cos(), r * angle.sin(), 0.0)
         };
-        // Of the Earth's own axes.
+        // Frame with the Earth's own axes.
         let frame = SceneFrame::Earth {
             origin_ecf_m: DVec3::ZERO,
             x_axis_ecf: DVec3::X,
@@ -121,11 +124,11 @@ mod tests {
             let expected = 300e-6 * sum;
             for [a, b] in [[from, to], [to, from]] {
                 let got = air.extra_path_m(&frame, a, b).unwrap();
-                // The midpoint rule errs by (3 m / 7.35 km)^2 / 24, the tail that is left out by 2e-8.
+                // Error of the midpoint rule: (3 m / 7.35 km)^2 / 24; of the truncated tail: 2e-8.
                 assert!((got / expected - 1.0).abs() < 1e-7, "{got} {expected}");
             }
         }
-        // To the zenith: N H, less what is beyond 600 km.
+        // At the zenith: N H, minus the part above 600 km.
         let zenith = air
             .extra_path_m(&frame, at(0.3, 0.0), at(0.3, 600e3))
             .unwrap();

@@ -1,31 +1,33 @@
-//! Universal Transverse Mercator coordinates of WGS 84.
+//! Universal Transverse Mercator (UTM) coordinates on WGS 84.
 //!
-//! The transverse Mercator projection is the conformal one that is true to scale, up to a factor of 0.9996 here, along a meridian. By Krueger's series of sixth order in the third
-//! flattening, with the coefficients of C. F. F. Karney, "Transverse Mercator with an accuracy of a few nanometers", J. Geodesy 85 (2011), (7) to (15), (35) and (36): within
-//! 30 degrees of the meridian the truncation error is less than 5 nm, and float64 rounds northings to 2 nm.
+//! The transverse Mercator projection is conformal and true to scale, up to the factor 0.9996, along a meridian.
+//! Computed by Krueger's series of sixth order in the third flattening, with the coefficients of C. F. F. Karney,
+//! "Transverse Mercator with an accuracy of a few nanometers", J. Geodesy 85 (2011), (7) to (15), (35) and (36).
+//! Within 30 degrees of the meridian the truncation error is below 5 nm; float64 rounds northings to 2 nm.
 //!
-//! **Axes** easting and northing, metres; the meridian of the zone is at 500 km, and the equator at 0, of southern zones at 10 000 km.
+//! **Axes**: easting and northing in metres. The easting of the zone's meridian is 500 km; the northing of the
+//! equator is 0, and 10 000 km in southern zones.
 
 use super::Geodetic;
 use super::geodetic::{ECCENTRICITY2, FLATTENING, SEMI_MAJOR_M};
 
-/// Scale along the zone's meridian.
+/// Scale factor along the zone's meridian.
 const SCALE: f64 = 0.9996;
 /// Easting of the zone's meridian, metres.
 const FALSE_EASTING_M: f64 = 500_000.0;
 /// Northing of the equator in southern zones, metres.
 const FALSE_NORTHING_M: f64 = 10_000_000.0;
-/// From a zone's meridian places are projected so far at the most, degrees of longitude: zones are 6 wide.
+/// Maximum distance from a zone's meridian, degrees of longitude; zones are 6 degrees wide.
 const MAX_AWAY_DEG: f64 = 30.0;
 
-/// A zone, north or south of the equator.
+/// Zone number and hemisphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Zone {
     number: u8,
     north: bool,
 }
 
-/// A place in a zone.
+/// Position in a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Utm {
     /// Zone of the coordinates.
@@ -40,21 +42,21 @@ pub struct Utm {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UtmError {
-    /// The zones end there.
-    #[error("latitude {0} degrees: UTM is from 80 degrees south to 84 degrees north")]
+    /// The latitude is outside the UTM zones.
+    #[error("latitude: expected 80 degrees south to 84 degrees north for UTM, found {0} degrees")]
     Latitude(f64),
-    /// It is far from the zone.
+    /// The longitude is too far from the zone.
     #[error(
         "longitude {longitude_deg} degrees is more than {MAX_AWAY_DEG} degrees from the meridian of UTM zone {zone}"
     )]
     Away {
-        /// Of the place.
+        /// Longitude of the position.
         longitude_deg: f64,
         /// The zone.
         zone: Zone,
     },
     /// The zone number is not 1 to 60.
-    #[error("UTM zone {0}: zones are 1 to 60")]
+    #[error("UTM zone: expected 1 to 60, found {0}")]
     Zone(u8),
 }
 
@@ -65,7 +67,7 @@ impl std::fmt::Display for Zone {
 }
 
 impl Zone {
-    /// The zone of a number, 1 to 60, and a hemisphere.
+    /// Create a zone from its number, 1 to 60, and hemisphere.
     ///
     /// # Errors
     /// [`UtmError::Zone`].
@@ -76,10 +78,10 @@ impl Zone {
         }
     }
 
-    /// The zone in which a place lies, with the wider ones of Norway and Svalbard.
+    /// Zone of a position, including the wider zones of Norway and Svalbard.
     ///
     /// # Errors
-    /// [`UtmError::Latitude`], also of numbers that are not finite.
+    /// [`UtmError::Latitude`], also for numbers that are not finite.
     pub fn of(place: &Geodetic) -> Result<Self, UtmError> {
         let (latitude, longitude) = (place.latitude_deg, wrapped(place.longitude_deg));
         if !((-80.0..=84.0).contains(&latitude) && longitude.is_finite()) {
@@ -99,22 +101,22 @@ impl Zone {
         })
     }
 
-    /// Its number, 1 to 60.
+    /// Zone number, 1 to 60.
     pub fn number(&self) -> u8 {
         self.number
     }
 
-    /// Whether it is north of the equator.
+    /// Whether the zone is north of the equator.
     pub fn is_north(&self) -> bool {
         self.north
     }
 
-    /// Its meridian, degrees east.
+    /// Meridian of the zone, degrees east.
     pub fn meridian_deg(&self) -> f64 {
         6.0 * f64::from(self.number) - 183.0
     }
 
-    /// Its code in the EPSG registry, of WGS 84.
+    /// EPSG code of the zone on WGS 84.
     pub fn epsg(&self) -> u16 {
         let first = if self.north { 32_600 } else { 32_700 };
         first + u16::from(self.number)
@@ -122,7 +124,7 @@ impl Zone {
 }
 
 impl Utm {
-    /// A place's coordinates in its own zone.
+    /// UTM coordinates of a position in its own zone.
     ///
     /// # Errors
     /// [`UtmError`].
@@ -154,7 +156,7 @@ impl Utm {
         })
     }
 
-    /// Where that is, at this height above the ellipsoid. The inverse of [`Self::in_zone`] where that is defined.
+    /// Convert to geodetic coordinates at this height above the ellipsoid. Inverse of [`Self::in_zone`].
     pub fn to_geodetic(&self, height_m: f64) -> Geodetic {
         let equator_m = if self.zone.north {
             0.0
@@ -171,7 +173,7 @@ impl Utm {
     }
 }
 
-/// A longitude as -180 to 180 degrees.
+/// Longitude wrapped to -180 to 180 degrees.
 fn wrapped(degrees: f64) -> f64 {
     if (-180.0..180.0).contains(&degrees) {
         return degrees;
@@ -182,13 +184,13 @@ fn wrapped(degrees: f64) -> f64 {
 /// Third flattening.
 const N: f64 = FLATTENING / (2.0 - FLATTENING);
 
-/// Radius of the circle that is as long as a meridian, metres: Karney's (14).
+/// Radius of the circle with the circumference of a meridian, metres: Karney's (14).
 fn rectifying_m() -> f64 {
     let n2 = N * N;
     SEMI_MAJOR_M / (1.0 + N) * (1.0 + n2 / 4.0 + n2 * n2 / 64.0 + n2 * n2 * n2 / 256.0)
 }
 
-/// Polynomials in the third flattening, each from the power of its number on.
+/// Polynomials in the third flattening; series `j` starts at the power `j`.
 fn series(coefficients: [&[f64]; 6]) -> [f64; 6] {
     let mut power = 1.0;
     coefficients.map(|all| {
@@ -197,7 +199,7 @@ fn series(coefficients: [&[f64]; 6]) -> [f64; 6] {
     })
 }
 
-/// Karney's (35).
+/// Coefficients alpha, Karney's (35).
 fn alpha() -> [f64; 6] {
     series([
         &[
@@ -231,7 +233,7 @@ fn alpha() -> [f64; 6] {
     ])
 }
 
-/// Karney's (36).
+/// Coefficients beta, Karney's (36).
 fn beta() -> [f64; 6] {
     series([
         &[
@@ -261,7 +263,7 @@ fn beta() -> [f64; 6] {
     ])
 }
 
-/// Tangent of the conformal latitude, of that of the geodetic one: (7) to (9).
+/// Tangent of the conformal latitude from that of the geodetic latitude: (7) to (9).
 fn conformal(tan: f64) -> f64 {
     let e = ECCENTRICITY2.sqrt();
     let secant = libm::hypot(1.0, tan);
@@ -279,7 +281,7 @@ fn waves(c: [f64; 6], x: f64, y: f64) -> [f64; 2] {
     })
 }
 
-/// East and north of the meridian and the equator, metres, without the scale: (10), (11).
+/// Unscaled easting and northing from the meridian and the equator, metres: (10), (11).
 fn project(latitude: f64, away: f64) -> [f64; 2] {
     let tan = conformal(libm::tan(latitude));
     let (sin, cos) = libm::sincos(away);
@@ -289,7 +291,8 @@ fn project(latitude: f64, away: f64) -> [f64; 2] {
     [rectifying_m() * (y + dy), rectifying_m() * (x + dx)]
 }
 
-/// The inverse: (15), (18), and Newton's method (19) to (21), whose error is that of float64 after three steps.
+/// Inverse of [`project`]: (15), (18), and Newton's method (19) to (21), which reaches float64 precision after three
+/// steps.
 fn unproject([east, north]: [f64; 2]) -> [f64; 2] {
     let (x, y) = (north / rectifying_m(), east / rectifying_m());
     let [dx, dy] = waves(beta(), x, y);

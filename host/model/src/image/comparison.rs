@@ -1,4 +1,4 @@
-//! How far an image is from a reference.
+//! Comparison of an image with a reference.
 
 use std::fmt;
 
@@ -6,24 +6,24 @@ use num_complex::{Complex32, Complex64};
 
 use super::{Image, ImageSource, PixelBlock, power};
 
-/// An image `a` against a reference `b` of the same size; sums in float64. A figure that the images
-/// leave undefined (by a reference or image of zeros) is `None`. Ratios are in dB of amplitude,
-/// `20 log10`; identical images have an error of minus infinity.
+/// Error of an image `a` against a reference `b` of the same size; sums in float64. A figure that is undefined (for
+/// an image or reference of zeros) is `None`. Ratios are in dB of amplitude, `20 log10`; identical images have an
+/// error of minus infinity.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Comparison {
-    /// Relative RMS error as the images are: `||a - b|| / ||b||`, dB.
+    /// Relative RMS error without scaling: `||a - b|| / ||b||`, dB.
     pub error_db: Option<f64>,
-    /// The same of `s a`, with the one complex `s = <a, b> / ||a||^2` that makes it least, dB.
+    /// Relative RMS error of `s a`, with the complex factor `s = <a, b> / ||a||^2` that minimises it, dB.
     pub scaled_error_db: Option<f64>,
-    /// `|s|`, dB: by how much `a` is too weak.
+    /// `|s|`, dB; positive if `a` is too weak.
     pub scale_db: Option<f64>,
-    /// Phase of `s`, degrees in (-180, 180]: by how much `a` lags.
+    /// Phase of `s`, degrees in (-180, 180]; positive if `a` lags.
     pub scale_deg: Option<f64>,
-    /// Largest `|arg(a / b)|`, unscaled, of the pixels where `|b|` is within 20 dB of its largest
+    /// Largest `|arg(a / b)|`, unscaled, over the pixels with `|b|` within 20 dB of its maximum
     /// ([`Comparison::PEAK_SPAN_DB`]), degrees; 180 where `a` is zero.
     pub peak_phase_error_deg: Option<f64>,
-    /// `|<a, b>| / (||a|| ||b||)`: 1 if they differ by a complex factor only.
+    /// `|<a, b>| / (||a|| ||b||)`; 1 if the images differ only by a complex factor.
     pub correlation: Option<f64>,
 }
 
@@ -31,9 +31,9 @@ pub struct Comparison {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ComparisonError {
-    /// Not the same rows and columns.
+    /// The images differ in rows or columns.
     #[error(
-        "images of different size: {0} rows x {1} columns and {2} x {3}; form both on one grid",
+        "images of different size: {0} rows x {1} columns and {2} x {3}; form both on the same grid",
         image.0, image.1, reference.0, reference.1
     )]
     Size {
@@ -48,7 +48,7 @@ pub enum ComparisonError {
     /// A pixel is NaN or infinite.
     #[error("the {which} is not finite at row {row}, column {column}")]
     NotFinite {
-        /// `image` or `reference`.
+        /// Name of the image: `image` or `reference`.
         which: &'static str,
         /// Row of the pixel.
         row: usize,
@@ -58,13 +58,13 @@ pub enum ComparisonError {
 }
 
 impl Comparison {
-    /// How far below the reference's peak a pixel's phase still counts, dB.
+    /// Minimum level of a pixel whose phase counts, dB below the reference's peak.
     pub const PEAK_SPAN_DB: f64 = 20.0;
 
-    /// Compares image `a` with the reference `b`.
+    /// Compare image `a` with the reference `b`.
     ///
     /// # Errors
-    /// [`ComparisonError`] if sizes differ or a pixel is not finite.
+    /// [`ComparisonError`] if the sizes differ or a pixel is not finite.
     pub fn between(a: &Image, b: &Image) -> Result<Self, ComparisonError> {
         let (image, reference) = ((a.rows, a.columns), (b.rows, b.columns));
         if a.pixels.len() != b.pixels.len() {
@@ -73,7 +73,7 @@ impl Comparison {
         Self::by_parts(a, b)
     }
 
-    /// The same of images that need not fit in memory: both are read twice, a part of `a` at a time.
+    /// Like [`Self::between`], for images larger than memory. Both are read twice, in parts.
     ///
     /// # Errors
     /// [`ComparisonError`].
@@ -81,10 +81,10 @@ impl Comparison {
         Ok(Self::over(a, b, false)?.0)
     }
 
-    /// The same over the pixels that both images have, and their number: a pixel that one of them does not have is NaN there.
+    /// Like [`Self::by_parts`], over the pixels that are not NaN in either image. Also returns their number.
     ///
     /// # Errors
-    /// [`ComparisonError`]; a pixel that is infinite is not finite.
+    /// [`ComparisonError`]; infinite pixels are an error.
     pub fn on_common(
         a: &dyn ImageSource,
         b: &dyn ImageSource,
@@ -92,7 +92,7 @@ impl Comparison {
         Self::over(a, b, true)
     }
 
-    /// Over all pixels, which have to be finite, or over those that both have.
+    /// Comparison over all pixels, which must be finite, or over those that both images have.
     fn over(
         a: &dyn ImageSource,
         b: &dyn ImageSource,
@@ -126,7 +126,7 @@ impl Comparison {
         }
         let relative_db = |sum: f64| (b_power > 0.0).then(|| 10.0 * (sum / b_power).log10());
         let scale = (a_power > 0.0).then(|| inner / a_power);
-        // A zero inner product leaves the scale's phase undefined.
+        // A zero inner product leaves the phase of the scale undefined.
         let turned = scale.filter(|s| s.norm_sqr() > 0.0);
         let floor = b_peak * 10f64.powf(-Self::PEAK_SPAN_DB / 10.0);
         let (mut scaled, mut peak_phase_error) = (0.0, 0.0f64);
@@ -162,7 +162,7 @@ impl Comparison {
     }
 }
 
-/// A part of both images.
+/// Read a part of both images.
 fn read_both(
     a: &dyn ImageSource,
     b: &dyn ImageSource,

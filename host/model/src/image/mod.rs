@@ -10,9 +10,8 @@ pub use comparison::{Comparison, ComparisonError};
 pub use parts::{ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands, blocks, peak_of};
 pub use tiling::{Tiling, copy_common};
 
-/// A complex image, row-major. Row and column meaning is the grid's
-/// ([`crate::geometry::ImageGrid`]). A unit scatterer on a pixel, seen alike
-/// by all pulses, reads 1.
+/// Complex image, row-major. The grid ([`crate::geometry::ImageGrid`]) defines rows and columns. A unit scatterer on
+/// a pixel, seen alike by all pulses, has the value 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Number of rows.
@@ -23,20 +22,19 @@ pub struct Image {
     pub pixels: Vec<Complex32>,
 }
 
-/// The brightest pixel of an image.
+/// Brightest pixel of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// Its row.
+    /// Row index.
     pub row: usize,
-    /// Its column.
+    /// Column index.
     pub column: usize,
-    /// Its value.
+    /// Value of the pixel.
     pub value: Complex32,
 }
 
 impl Image {
-    /// The pixel of largest magnitude, the first of several; `None` of an image without pixels or
-    /// with none but NaN, which never count.
+    /// Pixel of largest magnitude, the first of several. NaN is ignored; `None` without any other pixel.
     pub fn peak(&self) -> Option<Peak> {
         let mut best: Option<(usize, f64)> = None;
         for (i, &z) in self.pixels.iter().enumerate() {
@@ -53,7 +51,7 @@ impl Image {
     }
 }
 
-/// `|z|^2` in float64, where the square of no float32 overflows or vanishes.
+/// `|z|^2` in float64, which neither overflows nor underflows for float32 values.
 #[inline]
 pub fn power(z: Complex32) -> f64 {
     let (re, im) = (f64::from(z.re), f64::from(z.im));

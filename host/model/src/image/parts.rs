@@ -1,4 +1,4 @@
-//! Images that are read part by part, because they need not fit in memory.
+//! Images larger than memory, read in parts.
 
 use std::fmt::Debug;
 use std::ops::Range;
@@ -11,26 +11,26 @@ pub type PixelBlock = [Range<usize>; 2];
 /// Error of reading a part of an image.
 pub type ImageSourceError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Most pixels of a place that images are read by.
+/// Maximum number of pixels of a part.
 const PART_PIXELS: usize = 1 << 16;
 
-/// Pixels of a block, about.
+/// Approximate number of pixels of a block.
 const BLOCK_PIXELS: usize = 1 << 18;
-/// Most columns of a block.
+/// Maximum number of columns of a block.
 const BLOCK_COLUMNS: usize = 4096;
 
-/// An image that is read part by part.
+/// Image that is read in parts.
 pub trait ImageSource: Debug {
     /// Rows and columns.
     fn size(&self) -> (usize, usize);
 
-    /// Places that cover the image once, each of few pixels, in the order in which reading them costs least.
+    /// Blocks that cover the image once, each of few pixels, in the order that is cheapest to read.
     fn places(&self) -> PixelBlocks;
 
-    /// Reads a place that lies within the image.
+    /// Read a block within the image.
     ///
     /// # Errors
-    /// If it cannot be read.
+    /// [`ImageSourceError`] if it cannot be read.
     fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError>;
 }
 
@@ -81,7 +81,7 @@ impl ImageSource for Image {
     }
 }
 
-/// The brightest pixel of an image that is read part by part, as [`Image::peak`].
+/// Brightest pixel of an image read in parts, as by [`Image::peak`].
 ///
 /// # Errors
 /// [`ImageSourceError`] if a part cannot be read.
@@ -109,44 +109,44 @@ pub fn peak_of(image: &dyn ImageSource) -> Result<Option<Peak>, ImageSourceError
     Ok(best)
 }
 
-/// Blocks of some hundred thousand pixels that cover an image, however long its rows are.
+/// Blocks of some hundred thousand pixels that cover an image with rows of any length.
 pub fn blocks(rows: usize, columns: usize) -> PixelBlocks {
     let width = columns.clamp(1, BLOCK_COLUMNS);
     let image = [rows, columns];
     PixelBlocks::of_size(Tiling { image, tile: image }, [BLOCK_PIXELS / width, width])
 }
 
-/// Bands of rows of some ten thousand pixels; longer rows are cut.
+/// Blocks of whole rows with some ten thousand pixels; longer rows are split.
 pub fn bands(rows: usize, columns: usize) -> PixelBlocks {
     let image = [rows, columns];
     PixelBlocks::within_tiles(Tiling { image, tile: image })
 }
 
-/// Places that cover an image once, found one after another: their number needs no memory.
+/// Iterator over blocks that cover an image once.
 ///
-/// The image is a header's claim and may be larger than any disk: nothing is sized by it.
+/// It needs no memory per block, since the size may be an unverified statement of a file header.
 #[derive(Clone, Debug)]
 pub struct PixelBlocks {
     tiling: Tiling,
-    /// Rows and columns of a place.
+    /// Rows and columns of a block.
     part: [usize; 2],
-    /// The tile at hand, the place within it, and the tile at which they end.
+    /// Current tile, block within it, and end tile.
     tile: usize,
     within: usize,
     end: usize,
 }
 
 impl PixelBlocks {
-    /// Places tile by tile, each tile cut into bands of at most 65536 pixels.
+    /// Blocks tile by tile, each tile split into whole rows of at most 65536 pixels.
     pub fn within_tiles(tiling: Tiling) -> Self {
         let columns = tiling.tile[1].clamp(1, PART_PIXELS);
         Self::of_size(tiling, [(PART_PIXELS / columns).max(1), columns])
     }
 
-    /// Those of [`Self::within_tiles`] in tile `index`.
+    /// Blocks of [`Self::within_tiles`] in tile `index`.
     ///
     /// # Panics
-    /// If there is no such tile.
+    /// Panics if there is no such tile.
     pub fn within_tile(tiling: Tiling, index: usize) -> Self {
         assert!(index < tiling.count(), "no tile {index}");
         Self {
@@ -156,14 +156,14 @@ impl PixelBlocks {
         }
     }
 
-    /// Places tile by tile, each tile cut into places of at most `part` rows and columns.
+    /// Blocks tile by tile, each tile split into blocks of at most `part` rows and columns.
     pub fn of_size(tiling: Tiling, part: [usize; 2]) -> Self {
         Self {
             tiling,
             part: part.map(|side| side.max(1)),
             tile: 0,
             within: 0,
-            // An image without pixels has no tiles, whatever their size.
+            // An image without pixels has no tiles of any size.
             end: match tiling.image.contains(&0) {
                 true => 0,
                 false => tiling.count(),
@@ -199,7 +199,7 @@ impl Iterator for PixelBlocks {
 mod tests {
     use super::*;
 
-    /// How often each pixel is covered, and the most pixels of a place.
+    /// Number of times each pixel is covered, and the maximum number of pixels of a block.
     fn covered(places: PixelBlocks, [rows, columns]: [usize; 2]) -> (Vec<u8>, usize) {
         let (mut seen, mut most) = (vec![0; rows * columns], 0);
         for [down, across] in places {
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn places_cover_each_pixel_once_in_bounded_parts() {
+    fn blocks_cover_each_pixel_once_with_bounded_size() {
         for (image, tile) in [
             ([5, 7], [2, 3]),
             ([700, 300], [700, 300]),
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn places_of_an_image_no_machine_holds_take_no_memory() {
+    fn blocks_of_huge_image_take_no_memory() {
         let image = [1_000_000_000; 2];
         let mut places = PixelBlocks::within_tiles(Tiling {
             image,

@@ -1,43 +1,43 @@
-//! An image cut into tiles of one size, row by row of tiles; those at the last row and column of tiles have what is left.
+//! Image split into tiles of one size, in row-major order; tiles in the last row and column of tiles may be smaller.
 
 use num_complex::Complex32;
 
 use super::PixelBlock;
 
-/// Sizes of an image and of its tiles, pixels: rows first.
+/// Sizes of an image and of its tiles in pixels, rows first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tiling {
     /// Rows and columns of the image.
     pub image: [usize; 2],
-    /// Rows and columns of a tile, at least one of each.
+    /// Rows and columns of a tile, at least one each.
     pub tile: [usize; 2],
 }
 
 impl Tiling {
-    /// Rows and columns of tiles.
+    /// Number of rows and columns of tiles.
     pub fn tiles(&self) -> [usize; 2] {
         [0, 1].map(|i| self.image[i].div_ceil(self.tile[i]))
     }
 
-    /// Tiles in all.
+    /// Number of tiles.
     pub fn count(&self) -> usize {
         self.tiles().iter().product()
     }
 
-    /// Row and column of tiles at which tile `index` is.
+    /// Row and column of tile `index` in the grid of tiles.
     ///
     /// # Panics
-    /// If there is no such tile.
+    /// Panics if there is no such tile.
     pub fn at(&self, index: usize) -> [usize; 2] {
         assert!(index < self.count(), "no tile {index}");
         let across = self.tiles()[1];
         [index / across, index % across]
     }
 
-    /// Rows and columns of the image that tile `index` has.
+    /// Rows and columns of the image in tile `index`.
     ///
     /// # Panics
-    /// If there is no such tile.
+    /// Panics if there is no such tile.
     pub fn place(&self, index: usize) -> PixelBlock {
         let at = self.at(index);
         [0, 1].map(|i| {
@@ -46,7 +46,7 @@ impl Tiling {
         })
     }
 
-    /// The tiles, ascending, that have pixels of `place`.
+    /// Tiles that overlap `place`, ascending.
     pub fn meeting(&self, [rows, columns]: &PixelBlock) -> impl Iterator<Item = usize> + use<> {
         let across = self.tiles()[1];
         let [height, width] = self.tile;
@@ -56,10 +56,10 @@ impl Tiling {
     }
 }
 
-/// Copies what two places have in common: pixels of `from` over those of `to`, each row-major on its own place.
+/// Copy the overlap of two blocks: pixels of `from` over those of `to`, each row-major on its own block.
 ///
 /// # Panics
-/// If there are not as many pixels as a place has.
+/// Panics if the number of pixels differs from that of a block.
 pub fn copy_common(
     to_place: &PixelBlock,
     to: &mut [Complex32],
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_meets_the_tiles_that_have_its_pixels() {
+    fn block_overlaps_tiles_with_its_pixels() {
         for place in [[0..5, 0..7], [1..2, 2..3], [1..4, 2..7], [3..3, 0..7]] {
             let has = |index: &usize| {
                 let tile = TILING.place(*index);

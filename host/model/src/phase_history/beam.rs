@@ -5,13 +5,14 @@ use std::fmt;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Largest change of the beam's angle to the track over the pulses, as a fraction of the beamwidth. A larger change is followed from pulse to pulse.
+/// Maximum change of the beam's angle to the track over the pulses, as a fraction of the beamwidth. A larger change
+/// makes a beam with directions over time.
 const MAX_TURN: f64 = 0.25;
 
-/// Largest error of interpolated directions of a beam that turns, as a fraction of half the beamwidth.
+/// Maximum error of interpolated directions of a rotating beam, as a fraction of half the beamwidth.
 const AIM_ERROR: f64 = 0.01;
 
-/// Part of the pulses, on either side of a pulse, over which its heading is taken.
+/// The heading at a pulse is averaged over this fraction, 1 / 64, of the pulses on either side.
 const HEADING_PART: usize = 64;
 
 /// Interval of the cone angle about the track, measured from broadside, in which the antennas illuminate the scene.
@@ -20,7 +21,8 @@ const HEADING_PART: usize = 64;
 pub struct Beam {
     /// Full beamwidth, radians, in (0, pi).
     pub width_rad: f64,
-    /// Squint of the beam centre, radians, positive forward of broadside. The mean over the pulses for a beam that turns.
+    /// Squint of the beam centre, radians, positive forward of broadside. For a rotating beam the mean over the
+    /// pulses.
     pub squint_rad: f64,
     /// Origin of width and squint.
     pub source: BeamSource,
@@ -28,12 +30,12 @@ pub struct Beam {
     /// `None` for a frame at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_m_s: Option<[f64; 3]>,
-    /// Directions of the beam centre, ascending in time, of a beam that turns against the track. Empty for a beam with one squint.
+    /// Directions of the centre of a rotating beam, ascending in time. Empty for a beam with one squint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aims: Vec<Aim>,
 }
 
-/// Direction of the centre of a beam at a time. Between two of them the direction is interpolated linearly in time.
+/// Direction of the beam centre at a time. In between, directions are interpolated linearly in time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aim {
@@ -100,7 +102,7 @@ impl fmt::Display for NoBeam {
             ),
             Self::AtRest => f.write_str("the antennas do not move at some pulse"),
             Self::Several => f.write_str(
-                "the pulses belong to several channels or recordings with beams of their own",
+                "the pulses belong to several channels or recordings with different beams",
             ),
             Self::NoAttitude => f.write_str(
                 "the attitude or the boresight of an antenna is not defined at some pulse",
@@ -121,13 +123,15 @@ impl Beam {
         }
     }
 
-    /// Create the beam of two antennas with half-power widths `widths_rad` (of one-way power, along the track). `None` for an antenna without a main lobe
-    /// along the track, such as an isotropic one: it has no share in the beam. At pulse `n`, at `times_s[n]` on the heading `headings[n]`, the boresight of
-    /// antenna `i` is the unit vector `lobe(n, i).0`, and the centre of its lobe is `lobe(n, i).1` radians forward of it.
+    /// Create the beam of two antennas with half-power widths `widths_rad` (of one-way power, along the track).
+    /// `None` for an antenna without a main lobe along the track, such as an isotropic one, which is ignored. At
+    /// pulse `n`, at `times_s[n]` with heading `headings[n]`, the boresight of antenna `i` is the unit vector
+    /// `lobe(n, i).0`, and the centre of its lobe is `lobe(n, i).1` radians forward of it.
     ///
-    /// With widths `w_t` and `w_r` the width is `sqrt(2 / (1 / w_t^2 + 1 / w_r^2))`. At its edges the two-way power of Gaussian patterns is a quarter of
-    /// the maximum; two equal antennas have a beam of their own width. The squint is the mean of both weighted by `1 / w^2`, averaged over the pulses.
-    /// Where it changes by more than a quarter of the width, the beam turns: [`Self::aims`] are its directions.
+    /// For widths `w_t` and `w_r` the width is `sqrt(2 / (1 / w_t^2 + 1 / w_r^2))`. At its edges the two-way power of
+    /// Gaussian patterns is a quarter of the maximum; for two equal antennas the width is that of one. The squint is
+    /// the mean of both, weighted by `1 / w^2` and averaged over the pulses. If it changes by more than a quarter of
+    /// the width, the beam rotates and [`Self::aims`] contains its directions.
     ///
     /// `None` if neither antenna has a main lobe.
     ///
@@ -185,8 +189,8 @@ impl Beam {
         }
     }
 
-    /// Squint at pulses at ascending `times_s` with unit vectors of heading `headings`, radians: that towards [`Self::aims`], or [`Self::squint_rad`] for a beam
-    /// that does not turn. Before the first direction and after the last the beam keeps it.
+    /// Squint in radians at pulses with ascending `times_s` and unit headings `headings`: towards [`Self::aims`], or
+    /// [`Self::squint_rad`] for a beam with one squint. Directions are constant before the first and after the last.
     pub fn squints_rad(&self, times_s: &[f64], headings: &[DVec3]) -> Vec<f64> {
         let squint_rad = |(&time_s, &heading): (&f64, &DVec3)| match self.direction(time_s) {
             Some(direction) => angle_rad(direction, heading),
@@ -195,7 +199,7 @@ impl Beam {
         times_s.iter().zip(headings).map(squint_rad).collect()
     }
 
-    /// Direction of the centre at a time; `None` for a beam that does not turn.
+    /// Direction of the centre at a time. `None` for a beam with one squint.
     fn direction(&self, time_s: f64) -> Option<DVec3> {
         let after = self.aims.partition_point(|aim| aim.time_s <= time_s);
         let to = self.aims.get(after).or(self.aims.last())?;
@@ -253,11 +257,11 @@ fn aims(times_s: &[f64], error_rad: f64, direction: impl Fn(usize) -> DVec3) -> 
     }
 }
 
-/// Heading at each of these positions, unit vectors; zero where the positions do not move.
+/// Heading at each of these positions as unit vectors; zero where the positions do not move.
 ///
-/// A heading is the direction from the position 1/64 of the track before to that 1/64 after, at least one position: noise of
-/// the positions is averaged out. Positions nearer to an end have the heading of the first or last whole interval, which on a circle is off by up to 1/64 of
-/// the arc.
+/// A heading is the direction from the position 1/64 of the track before to that 1/64 after (at least one position
+/// each), which averages out noise. Positions nearer to an end have the heading of the first or last complete
+/// interval, whose error on a circle is up to 1/64 of the arc.
 pub fn headings(places_m: &[DVec3]) -> Vec<DVec3> {
     let last = places_m.len().saturating_sub(1);
     let half = (places_m.len() / HEADING_PART).max(1);
@@ -281,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn two_equal_lobes_keep_their_width_and_one_alone_is_wider() {
+    fn two_equal_lobes_keep_their_width_and_single_lobe_is_wider() {
         let beam = |widths| {
             let lobe = |_, i: usize| [(at(0.1), 0.0), (at(0.2), 0.1)][i];
             Beam::of_lobes(widths, &TIMES_S, &[DVec3::X; 3], lobe)
@@ -299,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_beam_that_turns_follows_its_antennas_on_any_heading() {
+    fn rotating_beam_follows_its_antennas_on_any_heading() {
         // A scan of 60 degrees, faster towards its end, on a track whose heading wobbles by up to 0.1 rad.
         let count = 401;
         let times_s: Vec<f64> = (0..count).map(|n| 5.0 + 0.01 * n as f64).collect();
@@ -325,12 +329,12 @@ mod tests {
                 .map(|(n, s)| (s - expected(n)).abs());
             off.fold(0.0, f64::max)
         };
-        // The bound of interpolation, 1 % of half the width.
+        // Interpolation bound: 1 % of half the width.
         let bound = 0.01 * 0.05;
         assert!(worst(&headings, &|n| scan_rad(n) + 0.1 * (0.05 * n as f64).sin()) <= bound);
-        // The directions are those of the antennas, and do not turn with a heading that is measured anew.
+        // Directions are those of the antennas, independent of the measured heading.
         assert!(worst(&vec![DVec3::X; count], &scan_rad) <= bound);
-        // Text keeps every bit.
+        // Serialised text keeps all bits.
         let text = serde_json::to_string(&beam).unwrap();
         assert_eq!(serde_json::from_str::<Beam>(&text).unwrap(), beam);
     }

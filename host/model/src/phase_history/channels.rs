@@ -1,14 +1,13 @@
-//! Several channels of one recording, side by side: a receiver, a transmitter or a polarisation each.
+//! Parallel channels of one recording: receivers, transmitters or polarisations.
 //!
-//! **Shared pulses.** All channels of a [`Channels`] have the same number of pulses, in the order of time, and pulse `n`
-//! of each is of the same *turn*: what the radar did from one moment to the next. Receivers take the same echo, of one
-//! moment; transmitters that take turns follow one another within the turn. In recordings with times, no pulse of a
-//! turn is later than any pulse of the next turn. They share the scene frame. They may differ in the
-//! antennas, the frequencies, the number of samples and the polarisation.
+//! **Shared pulses.** All channels of a [`Channels`] have the same number of pulses in order of time, and pulse `n`
+//! of each belongs to the same *turn* (one cycle of transmissions). Receivers record the same echo at the same time;
+//! alternating transmitters follow one another within the turn. In recordings with times, no pulse of a turn is later
+//! than any pulse of the next turn. The channels share the scene frame. They may differ in antennas, frequencies,
+//! number of samples and polarisation.
 //!
-//! So whatever compares channels (interferometry along the track, motion from several receivers, polarimetry) takes
-//! pulse `n` of one beside pulse `n` of another; image formers take one ([`Channels::channel`]), or the
-//! [`CoherentSum`] of all.
+//! Methods that compare channels (along-track interferometry, motion from several receivers, polarimetry) use pulse
+//! `n` of each. Image formers use one channel ([`Channels::channel`]) or the [`CoherentSum`] of all.
 
 use std::collections::{HashMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -21,24 +20,24 @@ use super::{CoherentSum, Excluding, Joined, PhaseHistory, ReadError, misplaced};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[non_exhaustive]
 pub struct Channel {
-    /// Its name, which no other channel of the recording has.
+    /// Name, unique in the recording.
     pub name: String,
-    /// The transmitting antenna's name, if known.
+    /// Name of the transmitting antenna, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transmitter: Option<String>,
-    /// The receiving antenna's name, if known.
+    /// Name of the receiving antenna, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub receiver: Option<String>,
-    /// Polarisation transmitted, such as `V`, if known.
+    /// Transmitted polarisation, such as `V`, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tx_polarization: Option<String>,
-    /// Polarisation received, if known.
+    /// Received polarisation, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rcv_polarization: Option<String>,
 }
 
 impl Channel {
-    /// A channel of which the name is known.
+    /// Create a channel from its name.
     pub fn new(name: impl Into<String>) -> Self {
         Self {
             name: name.into(),
@@ -46,7 +45,7 @@ impl Channel {
         }
     }
 
-    /// With the names of its antennas.
+    /// Add the names of its antennas.
     #[must_use]
     pub fn of_antennas(self, transmitter: impl Into<String>, receiver: impl Into<String>) -> Self {
         Self {
@@ -56,7 +55,7 @@ impl Channel {
         }
     }
 
-    /// With its polarisations, transmitted and received, where they are known.
+    /// Add its polarisations, transmitted and received, if known.
     #[must_use]
     pub fn polarized(self, transmitted: Option<String>, received: Option<String>) -> Self {
         Self {
@@ -66,7 +65,7 @@ impl Channel {
         }
     }
 
-    /// Whether both polarisations may be those of `other`: what is not known may be anything.
+    /// Whether the polarisations are equal to those of `other` as far as known.
     fn polarized_as(&self, other: &Self) -> bool {
         let alike = |a: &Option<String>, b: &Option<String>| match (a, b) {
             (Some(a), Some(b)) => a == b,
@@ -76,7 +75,7 @@ impl Channel {
             && alike(&self.rcv_polarization, &other.rcv_polarization)
     }
 
-    /// Both polarisations, as `HV`.
+    /// Transmitted and received polarisation, such as `HV`.
     fn polarization(&self) -> String {
         let letter = |known: &Option<String>| known.clone().unwrap_or_else(|| "?".to_owned());
         letter(&self.tx_polarization) + &letter(&self.rcv_polarization)
@@ -87,91 +86,91 @@ impl Channel {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChannelError {
-    /// There are none.
+    /// No channel was given.
     #[error("no channel given")]
     None,
-    /// Two have one name, or one is asked for twice.
-    #[error("channel '{name}' is there twice")]
+    /// A name occurs twice.
+    #[error("duplicate channel '{name}'")]
     Twice {
-        /// The name.
+        /// Name of the channel.
         name: String,
     },
-    /// None has that name.
-    #[error("no channel '{wanted}'; choose one of: {}", listed(names))]
+    /// No channel has this name.
+    #[error("unknown channel '{wanted}': expected one of: {}", listed(names))]
     Unknown {
         /// Requested channel.
         wanted: String,
-        /// All there are.
+        /// Names of all channels.
         names: Vec<String>,
     },
     /// Channels have different numbers of pulses.
-    #[error("channel '{}' has {} pulses and channel '{}' {}: they do not share pulses", names[0], counts[0], names[1], counts[1])]
+    #[error("channel '{}' has {} pulses, but channel '{}' has {}: expected channels with the same pulses", names[0], counts[0], names[1], counts[1])]
     Pulses {
-        /// Two of them.
+        /// Names of two such channels.
         names: [String; 2],
         /// Their numbers of pulses.
         counts: [usize; 2],
     },
-    /// A pulse is later than the next of another channel, or times are known of one channel only.
-    #[error("pulse {pulse} of channel '{}' is at {} s and the next of channel '{}' at {} s: they do not share pulses", names[0], times_s[0], names[1], times_s[1])]
+    /// A pulse is later than the next pulse of another channel.
+    #[error("pulse {pulse} of channel '{}' at {} s is later than the next of channel '{}' at {} s: expected channels with the same pulses", names[0], times_s[0], names[1], times_s[1])]
     Moments {
-        /// Two of them.
+        /// Names of two such channels.
         names: [String; 2],
-        /// The pulse, from 0.
+        /// Pulse index, from 0.
         pulse: usize,
-        /// When it was, and when the other's next was, seconds.
+        /// Time of the pulse, and of the other channel's next one, seconds.
         times_s: [f64; 2],
     },
-    /// Of one channel times are known and of another not.
-    #[error("channel '{}' tells times and channel '{}' does not: they do not share pulses", names[0], names[1])]
+    /// Only one of two channels has times.
+    #[error("channel '{}' has times, but channel '{}' does not: expected channels with the same pulses", names[0], names[1])]
     Untimed {
-        /// One that does, and one that does not.
+        /// Name of the channel with times, and of the one without.
         names: [String; 2],
     },
     /// Channels have different scene frames.
-    #[error("channels '{}' and '{}' do not share a scene frame", names[0], names[1])]
+    #[error("channels '{}' and '{}' have different scene frames", names[0], names[1])]
     Frames {
-        /// Two of them.
+        /// Names of two such channels.
         names: [String; 2],
     },
-    /// Channels that are to be summed have different numbers of samples.
-    #[error("channel '{}' has {} samples a pulse and channel '{}' {}: they have no coherent sum", names[0], counts[0], names[1], counts[1])]
+    /// Channels to be summed have different numbers of samples.
+    #[error("channel '{}' has {} samples per pulse, but channel '{}' has {}: a coherent sum needs equal numbers", names[0], counts[0], names[1], counts[1])]
     Samples {
-        /// Two of them.
+        /// Names of two such channels.
         names: [String; 2],
         /// Their numbers of samples.
         counts: [usize; 2],
     },
-    /// Channels that are to be summed, or joined, are of different polarisations.
+    /// Channels to be summed or joined have different polarisations.
     #[error("channel '{}' is of polarisation {} and channel '{}' of {}: a scatterer answers each of them otherwise, \
         and their sum is no image", names[0], polarizations[0], names[1], polarizations[1])]
     Polarizations {
-        /// Two of them.
+        /// Names of two such channels.
         names: [String; 2],
-        /// Transmitted and received of each, such as `HV`; `?` where not known.
+        /// Transmitted and received polarisation of each, such as `HV`; `?` if unknown.
         polarizations: [String; 2],
     },
-    /// Channels that are to be summed have the same antennas, moments and band in all pulses.
-    #[error("channels '{}' and '{}' have the same antennas, times and band in every pulse: one of them adds nothing, \
+    /// Channels to be summed have the same antennas, times and band in all pulses.
+    #[error("channels '{}' and '{}' have the same antennas, times and band in every pulse: their sum has no more information than one of them, \
         or they differ in polarisation, and their sum is no image", names[0], names[1])]
     SameLooks {
-        /// Both.
+        /// Names of both channels.
         names: [String; 2],
     },
-    /// Recordings that are to be joined have different channels.
-    #[error("{} has channel '{name}' and {} has not", recordings[0], recordings[1])]
+    /// Recordings to be joined have different channels.
+    #[error("{} has channel '{name}', but {} does not", recordings[0], recordings[1])]
     Missing {
-        /// Its name.
+        /// Name of the channel.
         name: String,
-        /// The recording that has it, and one that has not: file names where they are known.
+        /// Recording with the channel, and one without: file names if known.
         recordings: [String; 2],
     },
 }
 
-/// Names that a message lists.
+/// Maximum number of names in a message.
 const MAX_NAMED: usize = 20;
 
-/// Names for a person; thousands are no help.
+/// Names for a message, limited in number.
 fn listed(names: &[String]) -> String {
     let first = names[..names.len().min(MAX_NAMED)].join(", ");
     match names.len() {
@@ -180,13 +179,13 @@ fn listed(names: &[String]) -> String {
     }
 }
 
-/// Which of `names` is meant: the one of that name, or where none has it, the one of that number, from 1.
+/// Index of the channel with the name `wanted`, or otherwise with that number, counted from 1.
 ///
 /// # Errors
 /// [`ChannelError::Unknown`].
 pub fn which_channel<S: AsRef<str>>(names: &[S], wanted: &str) -> Result<usize, ChannelError> {
     let named = names.iter().position(|name| name.as_ref() == wanted);
-    // Where names are numbers themselves, a number is a name.
+    // If names are numbers, a number is a name.
     let numbered = |name: &S| name.as_ref().parse::<usize>().is_ok();
     let number = match names.iter().any(numbered) {
         true => None,
@@ -204,14 +203,15 @@ pub fn which_channel<S: AsRef<str>>(names: &[S], wanted: &str) -> Result<usize, 
 /// A channel and its pulses.
 pub type ChannelHistory<'a> = (Channel, Box<dyn PhaseHistory + 'a>);
 
-/// Channels of one recording with shared pulses: at least one.
+/// Channels of one recording with shared pulses, at least one.
 pub struct Channels<'a>(Vec<ChannelHistory<'a>>);
 
 impl<'a> Channels<'a> {
-    /// These channels, in this order.
+    /// Combine channels in this order.
     ///
     /// # Errors
-    /// [`ChannelError`] if there are none, two have one name, or they do not share their pulses and the scene frame.
+    /// [`ChannelError`] if there are no channels, two have the same name, or they do not share their pulses and the
+    /// scene frame.
     pub fn new(channels: Vec<ChannelHistory<'a>>) -> Result<Self, ChannelError> {
         let Some((first, rest)) = channels.split_first() else {
             return Err(ChannelError::None);
@@ -228,7 +228,7 @@ impl<'a> Channels<'a> {
         Ok(Self(channels))
     }
 
-    /// Number of channels: at least 1.
+    /// Number of channels, at least 1.
     #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
         self.0.len()
@@ -244,10 +244,10 @@ impl<'a> Channels<'a> {
         self.0.iter().map(|(about, _)| about)
     }
 
-    /// The pulses of channel `i`.
+    /// Pulses of channel `i`.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// Panics if there is no such channel.
     pub fn channel(&self, i: usize) -> &(dyn PhaseHistory + 'a) {
         &*self.0[i].1
     }
@@ -257,7 +257,7 @@ impl<'a> Channels<'a> {
         self.0.iter().map(|(about, history)| (about, &**history))
     }
 
-    /// The channel of that name, or where none has it, of that number, from 1.
+    /// Index of the channel with this name, or otherwise with this number, counted from 1.
     ///
     /// # Errors
     /// [`ChannelError::Unknown`].
@@ -266,10 +266,10 @@ impl<'a> Channels<'a> {
         which_channel(&names, wanted)
     }
 
-    /// These channels only, in this order, each as for [`Self::find`].
+    /// Select these channels in this order, each as by [`Self::find`].
     ///
     /// # Errors
-    /// [`ChannelError`] if one is not there, is named twice, or none is named.
+    /// [`ChannelError`] if a channel does not exist or is named twice, or if none is named.
     pub fn select<S: AsRef<str>>(self, wanted: &[S]) -> Result<Self, ChannelError> {
         let places = wanted.iter().map(|wanted| self.find(wanted.as_ref()));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
@@ -285,30 +285,32 @@ impl<'a> Channels<'a> {
         }
     }
 
-    /// The channels as one history, whose image is their coherent sum.
+    /// Combine the channels into one history whose image is their coherent sum.
     ///
     /// # Errors
-    /// [`ChannelError`] if they differ in samples a pulse or in polarisation, or are the same look twice.
+    /// [`ChannelError`] if they differ in samples per pulse or in polarisation, or if two have the same geometry and
+    /// band.
     pub fn coherent_sum(self) -> Result<CoherentSum<'a>, ChannelError> {
         CoherentSum::new(self)
     }
 
-    /// The channels one by one.
+    /// Return the channels.
     pub fn into_inner(self) -> Vec<ChannelHistory<'a>> {
         self.0
     }
 
-    /// Bytes held in memory.
+    /// Memory held in bytes.
     pub fn held_bytes(&self) -> u64 {
         self.0.iter().map(|(_, history)| history.held_bytes()).sum()
     }
 }
 
 impl Channels<'static> {
-    /// Without pulses that are [misplaced](super::misplaced()) in any channel: they are left out of all, so that pulses stay side by side.
+    /// Leave out pulses that are [misplaced](super::misplaced()) in any channel from all channels, so that pulses
+    /// still correspond.
     ///
     /// # Errors
-    /// [`ReadError::Mismatch`] if no pulse is left.
+    /// [`ReadError::Mismatch`] if no pulse remains.
     pub fn without_misplaced(self) -> Result<Self, ReadError> {
         let histories = self.iter().map(|(_, history)| history.collection());
         let mut left_out: Vec<Range<usize>> = histories.flat_map(misplaced).collect();
@@ -324,7 +326,7 @@ impl Channels<'static> {
         Ok(Self::new(channels)?)
     }
 
-    /// Bytes that [`Self::join`] takes at its peak beside what the recordings hold, at most.
+    /// Maximum additional memory of [`Self::join`] in bytes.
     pub fn joining_bytes(recordings: &[Self]) -> u64 {
         let pulses = |channels: &Self| channels.len() as u64 * channels.num_pulses() as u64;
         match recordings {
@@ -333,12 +335,12 @@ impl Channels<'static> {
         }
     }
 
-    /// Several recordings as one, channel by channel: each is the [`Joined`] of those of its name. The order of channels
-    /// is that of the first recording.
+    /// Join several recordings channel by channel: each channel is the [`Joined`] of those with its name. The order
+    /// of the channels is that of the first recording.
     ///
     /// # Errors
-    /// [`ChannelError`] in [`ReadError::Channels`] if a recording lacks a channel or has it in another polarisation, or
-    /// the joined channels do not share pulses; [`ReadError::Mismatch`] as [`Joined::join`].
+    /// [`ReadError::Channels`] if a recording lacks a channel or has it in another polarisation, or if the joined
+    /// channels do not share pulses; [`ReadError::Mismatch`] as [`Joined::join`].
     pub fn join(recordings: Vec<Self>) -> Result<Self, ReadError> {
         let mut recordings = recordings.into_iter();
         let first = recordings.next().ok_or(ChannelError::None)?;
@@ -419,7 +421,7 @@ fn check_shared(a: &ChannelHistory, b: &ChannelHistory) -> Result<(), ChannelErr
     }
 }
 
-/// Refuses channels of which a pulse is later than the next pulse of any.
+/// Refuse channels of which a pulse is later than the next pulse of another.
 fn check_turns(channels: &[ChannelHistory]) -> Result<(), ChannelError> {
     if !channels[0].1.collection().timed {
         return Ok(());
@@ -443,7 +445,7 @@ fn check_turns(channels: &[ChannelHistory]) -> Result<(), ChannelError> {
     Ok(())
 }
 
-/// Refuses channels whose sum means nothing.
+/// Refuse channels that cannot be summed.
 pub(super) fn check_summable(channels: &Channels) -> Result<(), ChannelError> {
     let all = &channels.0;
     let first = &all[0];
@@ -454,7 +456,7 @@ pub(super) fn check_summable(channels: &Channels) -> Result<(), ChannelError> {
             counts: [num_samples, next.1.collection().num_samples],
         });
     }
-    // What is known of each is compared with the first of which it is known.
+    // Compare known polarisations with the first known one.
     let transmitted = channels
         .about()
         .find(|about| about.tx_polarization.is_some());

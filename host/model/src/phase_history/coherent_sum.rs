@@ -1,18 +1,20 @@
 //! Coherent sum of the channels of several receivers and transmitters (MIMO).
 //!
-//! Every term of the sum that formers compute has its own pulse's geometry and frequencies, so the image of all channels'
-//! pulses, taken for one collection, is the coherent sum of the channels' images: their mean, as the weights are normalised over
-//! all pulses, so that a unit scatterer reads 1 as it does with one channel.
+//! Every term of the sum that formers compute has its own pulse's geometry and frequencies. The image of the pulses
+//! of all channels, taken as one collection, is therefore the coherent sum of the channels' images, more precisely
+//! their mean, since weights are normalised over all pulses. A unit scatterer has the value 1 as with one channel.
 //!
-//! **Order.** Channel after channel, each in the order of time. Formers take runs of pulses for stretches of a smooth track
-//! (sub-CPIs); with channels in turn, the antennas would jump at every pulse (sub-CPIs of 2 pulses instead of 15 in
-//! `tests/formers/channels.rs`). In this order there is one jump
-//! where the next channel begins, and formers break there as between recordings. Times fall back there;
-//! [`Collection::num_turns`](super::Collection::num_turns) gives the pulses of each channel, and slow-time windows weigh pulse `n` of every channel alike ([`Weights`](super::Weights)).
+//! **Order.** Channel after channel, each in order of time. Formers assume that consecutive pulses are on a smooth
+//! track (sub-CPIs). With alternating channels the antennas would jump at every pulse (sub-CPIs of 2 pulses instead
+//! of 15 in `tests/formers/channels.rs`). In this order there is one jump at each change of channel, where formers
+//! start a new sub-CPI as between recordings. Times decrease there;
+//! [`Collection::num_turns`](super::Collection::num_turns) is the number of pulses per channel, and slow-time windows
+//! give pulse `n` of every channel the same weight ([`Weights`](super::Weights)).
 //!
-//! Channels that are no image together are refused: different polarisations, to which a scatterer answers differently,
-//! and channels that have the same antennas, times and band, which is how polarisations look that nobody named. Other
-//! differences of the channels (gain, phase, delay) are the recording's to take off; what is left of them is in the image.
+//! Channels that cannot be summed are refused: different polarisations, in which a scatterer has different
+//! amplitudes, and channels with the same antennas, times and band, which are probably polarisations without names.
+//! Other differences of the channels (gain, phase, delay) must be corrected by the recording; the remainder affects
+//! the image.
 
 use std::ops::Range;
 
@@ -33,14 +35,15 @@ pub struct CoherentSum<'a> {
     true_antennas: Option<Vec<[DVec3; 2]>>,
 }
 
-/// Channels that a title names.
+/// Maximum number of channels in a title.
 const MAX_NAMED: usize = 4;
 
 impl<'a> CoherentSum<'a> {
-    /// Sum `channels` coherently.
+    /// Create the coherent sum of `channels`.
     ///
     /// # Errors
-    /// [`ChannelError`] if they differ in samples a pulse or in polarisation, or two are the same look.
+    /// [`ChannelError`] if they differ in samples per pulse or in polarisation, or if two have the same geometry and
+    /// band.
     pub fn new(channels: Channels<'a>) -> Result<Self, ChannelError> {
         check_summable(&channels)?;
         let first = channels.channel(0).collection();
@@ -62,7 +65,7 @@ impl<'a> CoherentSum<'a> {
         })
     }
 
-    /// The summed channels.
+    /// Channels of the sum.
     pub fn side_by_side(&self) -> &Channels<'a> {
         &self.channels
     }
@@ -77,14 +80,14 @@ impl<'a> CoherentSum<'a> {
     }
 }
 
-/// The recording's, with the channels.
+/// Name of the recording with its channels.
 fn name(channels: &Channels) -> String {
     let first = &channels.channel(0).collection().name;
     let mut names = channels.about().map(|about| about.name.as_str());
     let Some(own) = names.next().filter(|_| channels.len() > 1) else {
         return first.clone();
     };
-    // Readers end the name of a channel's collection in the channel's.
+    // Readers append the channel's name to that of the collection.
     let recording = first.strip_suffix(&format!(" channel {own}"));
     let mut named = vec![own];
     named.extend(names.by_ref().take(MAX_NAMED - 1));
@@ -107,7 +110,7 @@ impl PhaseHistory for CoherentSum<'_> {
     fn read(&self, wanted: Range<usize>, mut samples: &mut [Complex32]) -> Result<(), ReadError> {
         assert!(
             wanted.end <= self.collection.pulses.len(),
-            "pulses {wanted:?} are past the last one"
+            "pulses {wanted:?} are beyond the last one"
         );
         let (width, each) = (self.collection.num_samples, self.channels.num_pulses());
         let mut at = wanted.start;

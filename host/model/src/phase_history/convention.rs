@@ -1,13 +1,14 @@
 //! Phase convention of a recording: the sign of its phase and the path that the phase is compensated to.
 //!
-//! Image formers know one convention, that of [`phase_history`](super). Readers convert to it. A file that does not state its own is not
-//! read by a default: an image of its samples is formed under each candidate, and the candidate whose image is
-//! clearly the sharpest is taken ([`judge`]). How an image's sharpness is measured is an [`Inference`], which
-//! the crate `subaperture` brings; readers only make the candidates.
+//! Image formers use one convention, that of [`phase_history`](super), and readers convert to it. If a file does not
+//! state its convention, there is no default: an image of its samples is formed for each candidate, and the candidate
+//! with the clearly sharpest image is used ([`judge`]). An [`Inference`] measures the sharpness; the crate
+//! `subaperture` provides one. Readers only create the candidates.
 //!
-//! The test works where candidates differ by more than a shift or a mirrored image. Raw samples of either sign and compensated samples
-//! differ by the curvature of the whole wave front. Compensated samples of either sign differ by the change of curvature across the scene only: a
-//! small scene far away looks equally sharp under both, mirrored about the reference point, and the file has to state the sign.
+//! The test distinguishes candidates that differ by more than a shift or a mirrored image. Raw samples of either sign
+//! and compensated samples differ by the curvature of the whole wave front. Compensated samples of either sign differ
+//! only by the change of curvature across the scene: a small, distant scene is equally sharp for both, mirrored about
+//! the reference point, and the file must state the sign.
 
 use std::fmt;
 use std::ops::Range;
@@ -22,14 +23,14 @@ use crate::geometry::ImageGrid;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(into = "i8")]
 pub enum PhaseSign {
-    /// `exp(-j 2 pi f tau)`: that of image formers, and CPHD's `SGN = -1`.
+    /// `exp(-j 2 pi f tau)`, the convention of image formers and of CPHD with `SGN = -1`.
     Minus,
     /// `exp(+j 2 pi f tau)`.
     Plus,
 }
 
 impl PhaseSign {
-    /// The other one.
+    /// Opposite sign.
     #[must_use]
     pub fn opposite(self) -> Self {
         match self {
@@ -58,16 +59,16 @@ impl fmt::Display for PhaseSign {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PhaseReference {
-    /// Nothing: the phase is that of the whole path (reference path 0).
+    /// No compensation: the phase is that of the whole path (reference path 0).
     Raw,
     /// The path to one point of the scene frame, metres.
     Point(DVec3),
-    /// A path or a point that the recording gives pulse by pulse.
+    /// A path or a point that the recording states for each pulse.
     Recorded,
 }
 
 impl PhaseReference {
-    /// Sets the reference of a pulse. One that the recording gives is kept.
+    /// Set the reference of a pulse. A recorded reference is kept.
     pub fn set(self, pulse: &mut Pulse) {
         match self {
             Self::Raw => (pulse.reference_m, pulse.reference_path_m) = (DVec3::ZERO, 0.0),
@@ -90,7 +91,7 @@ impl fmt::Display for PhaseReference {
     }
 }
 
-/// Where a property of the convention is known from.
+/// Origin of a property of the convention.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Basis {
@@ -109,21 +110,21 @@ impl fmt::Display for Basis {
     }
 }
 
-/// The convention of a recording's phase, as recorded. Samples that are read have the sign of [`PhaseSign::Minus`] whatever this says.
+/// Phase convention of a recording as recorded. Samples are always delivered with the sign [`PhaseSign::Minus`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PhaseConvention {
     /// Sign.
     pub sign: PhaseSign,
-    /// Where the sign is known from.
+    /// Origin of the sign.
     pub sign_basis: Basis,
     /// Reference.
     pub reference: PhaseReference,
-    /// Where the reference is known from.
+    /// Origin of the reference.
     pub reference_basis: Basis,
 }
 
 impl PhaseConvention {
-    /// A convention that the recording states in full.
+    /// Convention that is completely stated by the recording.
     pub fn stated(sign: PhaseSign, reference: PhaseReference) -> Self {
         Self {
             sign,
@@ -133,7 +134,7 @@ impl PhaseConvention {
         }
     }
 
-    /// Whether any of it is inferred.
+    /// Whether sign or reference is inferred.
     pub fn is_inferred(&self) -> bool {
         [self.sign_basis, self.reference_basis].contains(&Basis::Inferred)
     }
@@ -149,33 +150,34 @@ impl fmt::Display for PhaseConvention {
     }
 }
 
-/// The part of a recording that candidates are compared by.
+/// Part of a recording that is used to compare candidates.
 #[derive(Clone, Debug)]
 pub struct Probe {
-    /// Pulses, ascending.
+    /// Pulse indices, ascending.
     pub pulses: Vec<usize>,
     /// Frequency samples.
     pub samples: Range<usize>,
-    /// The patch that is formed.
+    /// Grid of the image patch.
     pub grid: ImageGrid,
 }
 
-/// How sharp an image is.
+/// Sharpness of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sharpness {
-    /// A power, which is larger of a sharper image of the same samples.
+    /// Sharpness as a power: larger for a sharper image of the same samples.
     pub power: f64,
-    /// Whether the image has a point at all: a peak that noise of its mean power has in less than one image of 10^4.
+    /// Whether the image has a point: a peak that noise of its mean power exceeds in less than one of 10^4 images.
     pub has_point: bool,
 }
 
-/// How candidates of the convention are compared.
+/// Method of comparing candidates of the convention.
 #[derive(Clone, Copy)]
 pub struct Inference {
-    /// Select the part of a recording that distinguishes candidates at a bounded cost. References in the collection are not used. An error says why
-    /// there is none.
+    /// Select the part of a recording that distinguishes candidates at a bounded cost. References in the collection
+    /// are not used. An error states why no part does.
     pub plan: fn(&Collection) -> Result<Probe, String>,
-    /// Sharpness of the image of that part, which may take so many bytes. An error says why there is no image.
+    /// Sharpness of the image of that part, with the given memory limit in bytes. An error states why there is no
+    /// image.
     pub sharpness: fn(&Probe, &InMemory, u64) -> Result<Sharpness, String>,
 }
 
@@ -185,20 +187,21 @@ impl fmt::Debug for Inference {
     }
 }
 
-/// Ratio of sharpness, a power, from which one candidate is clearly sharper than another: 1.76 dB. Between candidates that are alike the place
-/// of points between pixels makes 0.5 dB of difference at most, and noise less.
+/// Minimum ratio of sharpness (power) at which one candidate is clearly sharper than another: 1.76 dB. Between
+/// equivalent candidates the position of points between pixels changes the sharpness by at most 0.5 dB, and noise by
+/// less.
 pub const CLEAR_RATIO: f64 = 1.5;
 
 /// Result of comparing candidates by image sharpness.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InferenceOutcome {
-    /// One candidate, by its index, and how much sharper it is than the next, dB.
+    /// One candidate, by its index, and the ratio of its sharpness to the next one's in dB.
     Clear(usize, f64),
-    /// Candidates that are about as sharp as each other, the sharpest first.
+    /// Candidates of about equal sharpness, the sharpest first.
     Alike(Vec<usize>),
 }
 
-/// Compares candidates by the sharpness of their images. An image without a point decides nothing.
+/// Compare candidates by the sharpness of their images. An image without a point is not conclusive.
 pub fn judge(candidates: &[Sharpness]) -> InferenceOutcome {
     let sharpness: Vec<f64> = candidates.iter().map(|candidate| candidate.power).collect();
     let mut order: Vec<usize> = (0..sharpness.len()).collect();
@@ -229,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn judge_takes_only_a_candidate_that_is_clearly_sharper() {
+    fn judge_requires_clearly_sharper_candidate() {
         let judged = |powers: &[f64], has_point: bool| {
             let of = |&power: &f64| Sharpness { power, has_point };
             judge(&powers.iter().map(of).collect::<Vec<_>>())

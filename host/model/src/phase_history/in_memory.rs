@@ -32,7 +32,7 @@ impl InMemory {
         let expected = collection.pulses.len() * collection.num_samples;
         if expected == 0 {
             return Err(ReadError::Mismatch(format!(
-                "{}: holds no pulses ({} pulses of {} samples)",
+                "{}: expected at least one pulse and sample, found {} pulses of {} samples",
                 collection.name,
                 collection.pulses.len(),
                 collection.num_samples
@@ -40,7 +40,7 @@ impl InMemory {
         }
         if samples.len() != expected {
             return Err(ReadError::Mismatch(format!(
-                "{}: {} pulses of {} samples need {expected} values, not {}",
+                "{}: {} pulses of {} samples: expected {expected} values, found {}",
                 collection.name,
                 collection.pulses.len(),
                 collection.num_samples,
@@ -116,7 +116,7 @@ impl PhaseHistory for InMemory {
         Ok(())
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
         Some(self.of(pulses))
     }
 

@@ -1,20 +1,20 @@
 //! Several recordings joined into one aperture.
 //!
-//! **Order.** Slow-time windows, sub-CPIs and straight tracks go by the order of pulses, so that order is the
-//! aperture's own and not that in which files were named:
+//! **Order.** Slow-time windows, sub-CPIs and straight tracks depend on the order of pulses. It is therefore
+//! determined by the aperture, not by the order of files:
 //!
-//! - by time, where all recordings tell times on one clock: their own starts ([`PhaseHistory::start_ns`])
-//!   where all know them, else times as they are. Pulses of recordings that overlap in time are interleaved, and a
-//!   recording whose own pulses are not in the order of time is put in order. Times then count from the
-//!   earliest recording's start;
-//! - else recording by recording, by the angle under which their antennas go around the points that they refer to
-//!   (`super::order`), in the direction in which most do, from the widest gap on; each one's pulses as they
-//!   are. Times then are the indices of pulses.
+//! - by time, if all recordings have times on one clock: relative to their starts ([`PhaseHistory::start_ns`]) if all
+//!   state it, otherwise unchanged. Pulses of recordings that overlap in time are interleaved, and pulses of a
+//!   recording that are not in order of time are sorted. Times then count from the earliest recording's start;
+//! - otherwise recording by recording, by the angle of their antennas around the points that they refer to
+//!   (`super::order`), in the direction in which most antennas move, starting at the widest gap. Pulses of each
+//!   recording keep their order. Times are then pulse indices.
 //!
-//! What is alike in both respects goes by its positions. So the order of names changes no bit of an image.
+//! Recordings that are equal in both respects are ordered by their positions, so the order of files changes no bit of
+//! an image.
 //!
-//! **Twins.** A pulse that is in two recordings (same antennas and band, and same time where it is known) would count
-//! twice: that is refused.
+//! **Duplicates.** A pulse that occurs in two recordings (same antennas and band, and same time if known) would count
+//! twice and is refused.
 
 use std::cmp::Ordering;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -28,9 +28,9 @@ use super::{
     Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, Pulse, ReadError,
 };
 
-/// Recordings joined into one aperture.
+/// Several recordings joined into one aperture.
 pub struct Joined {
-    /// That of all parts, unless it is that of the only one.
+    /// Joined collection. `None` for a single part.
     whole: Option<Whole>,
     parts: Vec<Box<dyn PhaseHistory>>,
 }
@@ -40,11 +40,11 @@ struct Whole {
     collection: Collection,
     /// True antenna positions, if all parts have them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
-    /// Pulses that follow one another in a part, in the order of the whole.
+    /// Blocks of pulses that are consecutive in a part, in the order of the whole.
     runs: Vec<Run>,
 }
 
-/// Pulses of one part that follow one another, up to the next run's start.
+/// Consecutive pulses of one part, up to the start of the next block.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     /// Index of its first pulse in the whole.
@@ -57,7 +57,7 @@ struct Run {
 /// Phase history of one of the joined recordings.
 type Part = Box<dyn PhaseHistory>;
 
-/// A pulse: its part and its index there.
+/// Pulse: index of its part, and its index in the part.
 type Place = [u32; 2];
 
 /// Temporary memory of [`Joined::join`], bytes per pulse.
@@ -72,7 +72,7 @@ impl Joined {
         }
     }
 
-    /// Bytes a pulse that [`Self::join`] takes, at most.
+    /// Maximum memory of [`Self::join`] per pulse in bytes.
     pub(super) const MAX_BYTES_A_PULSE: u64 =
         (size_of::<Pulse>() + SCRATCH_BYTES + size_of::<[DVec3; 2]>()) as u64;
 
@@ -83,11 +83,11 @@ impl Joined {
         !collection.timed || in_order
     }
 
-    /// Joins `parts`, in the order of their pulses and not in theirs. They must agree in samples a pulse and in
+    /// Join `parts` in the order of their pulses. They must have the same number of samples per pulse and the same
     /// scene frame.
     ///
     /// # Errors
-    /// [`ReadError::Mismatch`] if there are none, they disagree, or two hold the same pulse.
+    /// [`ReadError::Mismatch`] if there are no parts, they differ, or two contain the same pulse.
     pub fn join(mut parts: Vec<Box<dyn PhaseHistory>>) -> Result<Self, ReadError> {
         check_alike(&parts)?;
         if !is_to_be_joined(&parts) {
@@ -107,7 +107,7 @@ impl Joined {
         })
     }
 
-    /// Bytes that [`Self::join`] takes at its peak, for what it keeps and for finding the order.
+    /// Peak memory of [`Self::join`] in bytes, for the result and for sorting.
     pub fn joining_bytes(parts: &[Box<dyn PhaseHistory>]) -> u64 {
         if !is_to_be_joined(parts) {
             return 0;
@@ -124,7 +124,7 @@ fn pulses(part: &Part) -> &[Pulse] {
     &part.collection().pulses
 }
 
-/// Whether the whole is anything but its one part.
+/// Whether joining changes anything, for several parts or a single unsorted one.
 fn is_to_be_joined(parts: &[Part]) -> bool {
     match parts {
         [part] => !Joined::is_in_order(&**part),
@@ -141,7 +141,7 @@ fn label(part: &Part, other: &Part) -> String {
     }
 }
 
-/// Refuses parts that are not of one mode and scene.
+/// Refuse parts with different numbers of samples or scene frames.
 fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
     let Some((first, rest)) = parts.split_first() else {
         return Err(ReadError::Mismatch("no input given".to_owned()));
@@ -151,7 +151,7 @@ fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
         let next = part.collection();
         if next.num_samples != collection.num_samples {
             return Err(ReadError::Mismatch(format!(
-                "{} has {} samples a pulse and {} has {}: give files of one radar mode",
+                "{} has {} samples per pulse, but {} has {}: give files of one radar mode",
                 label(first, part),
                 collection.num_samples,
                 label(part, first),
@@ -160,7 +160,7 @@ fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
         }
         if !next.frame.agrees_with(&collection.frame) {
             return Err(ReadError::Mismatch(format!(
-                "{} and {} do not share a scene frame: focus them one at a time",
+                "{} and {} have different scene frames: focus them one at a time",
                 label(first, part),
                 label(part, first)
             )));
@@ -201,7 +201,7 @@ fn clock(parts: &[Part]) -> Option<Vec<f64>> {
     Some(starts.into_iter().map(offset_s).collect())
 }
 
-/// Refuses pulses that are in more than one part.
+/// Refuse pulses that occur in more than one part.
 fn check_no_twins(parts: &[Part], clock: Option<&[f64]>) -> Result<(), ReadError> {
     let key = |[part, index]: Place| {
         let pulse = &pulses(&parts[part as usize])[index as usize];
@@ -252,7 +252,7 @@ fn by_time(parts: &[Part], offsets: &[f64]) -> Vec<Place> {
         pulses(&parts[part as usize])[index as usize].time_s + offsets[part as usize]
     };
     let mut order: Vec<Place> = in_turn(parts).collect();
-    // Stable: pulses of one time stay in the order of their parts.
+    // Stable sort: pulses with equal times keep the order of their parts.
     order.sort_by(|&a, &b| time_s(a).total_cmp(&time_s(b)));
     order
 }
@@ -340,11 +340,11 @@ impl PhaseHistory for Joined {
         let num_pulses = whole.collection.pulses.len();
         assert!(
             wanted.end <= num_pulses,
-            "pulses {wanted:?} are past the last one"
+            "pulses {wanted:?} are beyond the last one"
         );
         let width = whole.collection.num_samples;
         let mut at = wanted.start;
-        // The run that the first pulse is in.
+        // Block that contains the first pulse.
         let mut run = whole.runs.partition_point(|run| run.start <= at) - 1;
         while at < wanted.end {
             let Run { start, part, first } = whole.runs[run];
@@ -383,7 +383,7 @@ impl PhaseHistory for Joined {
         all
     }
 
-    /// That of all parts, if they have the same.
+    /// Beam of all parts, if they agree.
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
         let mut stated = self.parts.iter().map(|part| part.stated_beam());
         let first = stated.next().unwrap_or(Ok(None))?;
@@ -437,7 +437,7 @@ mod tests {
     use crate::geometry::SceneFrame;
     use crate::phase_history::{InMemory, Sweep};
 
-    /// Pulses along x, of samples that tell which they are.
+    /// Pulses along x, with samples that encode their index.
     fn whole(num_pulses: usize) -> (Collection, Vec<Complex32>) {
         let width = 5;
         let pulse = |n: usize| Pulse {
@@ -466,7 +466,7 @@ mod tests {
         (collection, samples.collect())
     }
 
-    /// Its pulses as recordings of these lengths.
+    /// Pulses of the whole split into recordings of these lengths.
     fn parts(lengths: &[usize]) -> (Vec<Complex32>, Vec<Box<dyn PhaseHistory>>) {
         let (whole, samples) = whole(lengths.iter().sum());
         let width = whole.num_samples;
@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn reading_across_joints_is_reading_the_whole() {
+    fn reading_across_joints_equals_reading_the_whole() {
         let (samples, parts) = parts(&[3, 1, 4]);
         let aperture = Joined::join(parts).unwrap();
         let width = aperture.collection().num_samples;
@@ -496,14 +496,13 @@ mod tests {
                 assert_eq!(got, samples[start * width..end * width], "{start}..{end}");
             }
         }
-        // Geometry of both the parts and the aperture, the samples of the parts,
-        // and where each of three runs lies.
+        // Geometry of the parts and of the aperture, samples of the parts, and three blocks.
         let own = 2 * 8 * 240 + 3 * 24;
         assert_eq!(aperture.held_bytes(), own + 8 * 8 * width as u64);
     }
 
     #[test]
-    fn a_lone_part_is_not_copied() {
+    fn single_part_is_not_copied() {
         let (samples, parts) = parts(&[3]);
         let aperture = Joined::join(parts).unwrap();
         let width = aperture.collection().num_samples;
@@ -523,6 +522,6 @@ mod tests {
         let samples = vec![Complex32::ZERO; 2 * other.num_samples];
         parts[1] = Box::new(InMemory::new(other, samples).unwrap());
         let error = Joined::join(parts).err().unwrap().to_string();
-        assert!(error.contains("do not share a scene frame"), "{error}");
+        assert!(error.contains("have different scene frames"), "{error}");
     }
 }

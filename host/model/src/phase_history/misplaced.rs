@@ -1,8 +1,8 @@
-//! Pulses whose recorded positions no vehicle can have had, left out.
+//! Exclusion of pulses whose recorded positions no vehicle can have had.
 //!
-//! One position of zeros (a navigation gap) makes an aperture of thousands of kilometres, and with it a default grid, plans and weights for that. [`strays`]
-//! defines such positions. On the Earth, positions less than [`DEEPEST_M`] from its centre count as well. Their pulses are left
-//! out, and [`PhaseHistory::warnings`] names them.
+//! A single zero position (a navigation gap) would extend the aperture by thousands of kilometres and spoil default
+//! grid, plans and weights. [`strays`] defines such positions. On the Earth, positions less than [`DEEPEST_M`] from
+//! its centre count as well. Their pulses are left out, and [`PhaseHistory::warnings`] names them.
 
 use std::ops::Range;
 
@@ -13,20 +13,20 @@ use super::{Beam, Collection, NoBeam, PhaseHistory, Pulse, ReadError};
 use crate::geometry::SceneFrame;
 use crate::track::{joined, strays};
 
-/// Distance from the centre of the Earth below which no antenna is, metres: 6 km below the ellipsoid at the poles.
+/// Minimum distance of an antenna from the centre of the Earth, metres: 6 km below the ellipsoid at the poles.
 const DEEPEST_M: f64 = 6.35e6;
 
 /// Step up to which no position jumps, metres, and the part of the range to the reference point that is one, whichever is less.
 const FLOOR_M: f64 = 1.0;
 const FLOOR: f64 = 0.05;
 
-/// Runs that a warning names one by one.
+/// Maximum number of blocks of pulses named individually in a warning.
 const NAMED: usize = 8;
 
-/// Pulses that are looked at together. The statistics of a track are local so, and memory does not grow with it.
+/// Number of pulses examined together, so that the statistics of the track are local and memory is bounded.
 const TOGETHER: usize = 8192;
 
-/// Pulses of a collection with positions that no vehicle can have had, as runs in ascending order.
+/// Pulses of a collection with positions that no vehicle can have had, as ascending ranges.
 pub fn misplaced(collection: &Collection) -> Vec<Range<usize>> {
     let count = collection.pulses.len();
     let mut found = Vec::new();
@@ -47,7 +47,7 @@ pub fn misplaced(collection: &Collection) -> Vec<Range<usize>> {
             if end == count {
                 break;
             }
-            // Half of them again, so that none is at an end twice.
+            // Overlap by half, so that no pulse is near the end twice.
             start += TOGETHER / 2;
         }
         found.extend(below_ground(collection, antenna));
@@ -72,7 +72,7 @@ fn jumping(pulses: &[Pulse], timed: bool, antenna: fn(&Pulse) -> DVec3) -> Vec<R
     )
 }
 
-/// Pulses deep below the ground, unless half of all are: then the scene is somewhere else.
+/// Pulses deep below the ground, unless they are more than half of all: the scene is then somewhere else.
 fn below_ground(collection: &Collection, antenna: fn(&Pulse) -> DVec3) -> Vec<Range<usize>> {
     let SceneFrame::Earth { .. } = collection.frame else {
         return Vec::new();
@@ -95,7 +95,7 @@ fn below_ground(collection: &Collection, antenna: fn(&Pulse) -> DVec3) -> Vec<Ra
     runs
 }
 
-/// Runs of numbers in words: "7, 20 to 25".
+/// Ranges of numbers as text: "7, 20 to 25".
 pub fn named(runs: &[Range<usize>]) -> String {
     let name = |run: &Range<usize>| match run.len() {
         1 => run.start.to_string(),
@@ -108,7 +108,7 @@ pub fn named(runs: &[Range<usize>]) -> String {
     names.join(", ")
 }
 
-/// The sentence that says which pulses are left out.
+/// Warning about the pulses left out.
 fn warning(collection: &Collection, left_out: &[Range<usize>]) -> String {
     let count: usize = left_out.iter().map(Range::len).sum();
     let first = left_out.first().map_or(0, |run| run.start);
@@ -127,30 +127,30 @@ fn warning(collection: &Collection, left_out: &[Range<usize>]) -> String {
     )
 }
 
-/// A phase history without some of its pulses.
+/// Phase history without some of its pulses.
 pub struct Excluding {
     history: Box<dyn PhaseHistory>,
     collection: Collection,
-    /// Which pulse of the history each is.
+    /// Index in the original history of each pulse.
     kept: Vec<usize>,
     true_antennas: Option<Vec<[DVec3; 2]>>,
     warning: String,
 }
 
 impl Excluding {
-    /// `history` without its [`misplaced`] pulses: itself where there are none.
+    /// Leave out the [`misplaced`] pulses of `history`. Returns it unchanged without such pulses.
     ///
     /// # Errors
-    /// [`ReadError::Mismatch`] if no pulse is left.
+    /// [`ReadError::Mismatch`] if no pulse remains.
     pub fn misplaced(history: Box<dyn PhaseHistory>) -> Result<Box<dyn PhaseHistory>, ReadError> {
         let left_out = misplaced(history.collection());
         Self::pulses(history, &left_out)
     }
 
-    /// `history` without these pulses; they are named as positions that no vehicle can have had.
+    /// Leave out these pulses of `history`; the warning states that no vehicle can have had their positions.
     ///
     /// # Errors
-    /// [`ReadError::Mismatch`] if no pulse is left.
+    /// [`ReadError::Mismatch`] if no pulse remains.
     pub(crate) fn pulses(
         history: Box<dyn PhaseHistory>,
         left_out: &[Range<usize>],
@@ -163,7 +163,7 @@ impl Excluding {
         let out = |n: &usize| left_out.iter().any(|run| run.contains(n));
         let kept: Vec<usize> = (0..whole.pulses.len()).filter(|n| !out(n)).collect();
         if kept.is_empty() {
-            return Err(ReadError::Mismatch(format!("{warning}; none is left")));
+            return Err(ReadError::Mismatch(format!("{warning}; no pulse remains")));
         }
         let collection = Collection {
             name: whole.name.clone(),
@@ -211,13 +211,13 @@ impl PhaseHistory for Excluding {
         Ok(())
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
         let kept = &self.kept[pulses];
         match (kept.first(), kept.last()) {
             (Some(&first), Some(&last)) if last - first + 1 == kept.len() => {
-                self.history.at_hand(first..last + 1)
+                self.history.samples_in_memory(first..last + 1)
             }
-            (None, _) => self.history.at_hand(0..0),
+            (None, _) => self.history.samples_in_memory(0..0),
             _ => None,
         }
     }

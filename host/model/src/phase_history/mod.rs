@@ -4,27 +4,26 @@
 //! 240 bytes a pulse) and a method that reads the samples of any block of pulses. Samples are read on demand, so a
 //! file may be larger than memory.
 //!
-//! Sample `k` of pulse `n` for a unit scatterer at `p` is
-//! `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at `f = start_hz + k step_hz`
-//! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
-//! are those of the sample's moment: [`Sweep`].
+//! Sample `k` of pulse `n` for a unit scatterer at `p` is `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at
+//! `f = start_hz + k step_hz` (Schone 2020 (2.11), relative to the pulse's reference point). For samples taken one
+//! after another, both paths are those at the time of the sample: [`Sweep`].
 
 mod beam;
+mod block_illumination;
 mod channels;
 mod coherent_sum;
 pub mod convention;
 mod in_memory;
 mod joined;
-mod lit;
 mod misplaced;
 mod on_track;
 mod order;
 pub mod physical;
 mod pulse;
-mod stretch;
+mod pulse_range;
 mod sweep;
-mod through_air;
 mod track_error;
+mod troposphere_corrected;
 mod weights;
 
 use std::ops::Range;
@@ -38,19 +37,19 @@ use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
 pub use beam::{Aim, Beam, BeamSource, NoBeam, headings};
+pub use block_illumination::BlockIllumination;
 pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channel};
 pub use coherent_sum::CoherentSum;
 pub use convention::{Basis, Inference, PhaseConvention, PhaseReference, PhaseSign};
 pub use in_memory::InMemory;
 pub use joined::Joined;
-pub use lit::BlockIllumination;
 pub use misplaced::{Excluding, misplaced, named as named_pulses};
 pub use on_track::OnTrack;
 use order::{is_one_pass, ranks_by_angle};
-pub use stretch::Stretch;
+pub use pulse_range::PulseRange;
 pub use sweep::{PathTerms, Sweep};
-pub use through_air::ThroughAir;
 pub use track_error::TrackError;
+pub use troposphere_corrected::TroposphereCorrected;
 pub use weights::Weights;
 
 pub use pulse::Pulse;
@@ -122,8 +121,8 @@ impl Collection {
         self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
     }
 
-    /// How many pulses go over the collection's moments once: all of them, but where channels follow one another
-    /// ([`CoherentSum`]), so that times fall back after every so many pulses, as many as each channel has.
+    /// Number of pulses per channel: all pulses, except for channels one after another ([`CoherentSum`]), where times
+    /// decrease after this number of pulses.
     pub fn num_turns(&self) -> usize {
         let count = self.pulses.len();
         let falls_back = |n: &usize| self.pulses[*n].time_s < self.pulses[*n - 1].time_s;
@@ -204,7 +203,7 @@ pub enum ReadError {
     },
     /// The data to be held exceed the memory limit.
     #[error(
-        "{} needs {} of memory and {} are left",
+        "{} needs {} of memory, but {} are left",
         path.display(), bytes((*needed_bytes).into()), bytes((*allowed_bytes).into())
     )]
     Memory {
@@ -216,7 +215,7 @@ pub enum ReadError {
         allowed_bytes: u64,
     },
     /// A file was written to while it was read.
-    #[error("{} was changed while it was read ({how}): start again when it is whole", path.display())]
+    #[error("{} was changed while it was read ({how}): start again when it is complete", path.display())]
     Changed {
         /// Path of the file that failed.
         path: PathBuf,
@@ -268,7 +267,7 @@ pub trait PhaseHistory: Sync + Send {
     /// finite.
     ///
     /// # Panics
-    /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
+    /// Panics if `samples.len() != pulses.len() * num_samples` or `pulses.end` is beyond the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
     /// History whose pulses this one presents with changes, if there is one. What describes the recording (start, channels, phase
@@ -281,8 +280,8 @@ pub trait PhaseHistory: Sync + Send {
     /// Samples of `pulses` without a copy; `None` if they are not held in memory.
     ///
     /// # Panics
-    /// If `pulses.end` is past the last pulse.
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+    /// Panics if `pulses.end` is beyond the last pulse.
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
         let _ = pulses;
         None
     }

@@ -8,7 +8,7 @@ use num_complex::Complex32;
 use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use crate::track::Trajectory;
 
-/// Phase history whose antenna positions are taken from a track.
+/// Phase history with the antenna positions of another track.
 ///
 /// Phases remain compensated to the recorded reference paths: [`Pulse::reference_path_m`](super::Pulse::reference_path_m) is
 /// a property of the samples. Intra-pulse motion stays as recorded ([`Sweep`](super::Sweep)): the difference
@@ -22,8 +22,8 @@ pub struct OnTrack<'a> {
 }
 
 impl<'a> OnTrack<'a> {
-    /// Transmitter and receiver at these places on the body (its axes, metres), over the pulses whose times are within `span_s`: a run of them, for
-    /// times ascend.
+    /// Place transmitter and receiver at these positions on the body (body axes, metres) for the pulses with times
+    /// within `span_s`, which are consecutive since times ascend.
     ///
     /// # Errors
     /// [`ReadError::Mismatch`] if no pulse is within.
@@ -42,7 +42,7 @@ impl<'a> OnTrack<'a> {
                 |of: &Collection| Some((of.pulses.first()?.time_s, of.pulses.last()?.time_s));
             let (from_s, to_s) = times(of).unwrap_or_default();
             return Err(ReadError::Mismatch(format!(
-                "{}: no pulse is within the track: pulses are from {from_s} s to {to_s} s, the track from {} s to {} s",
+                "{}: no pulse is within the time of the track: pulses are from {from_s} s to {to_s} s, the track from {} s to {} s",
                 of.name, span_s.0, span_s.1
             )));
         };
@@ -82,8 +82,8 @@ impl PhaseHistory for OnTrack<'_> {
         self.history.read(self.recorded(pulses), samples)
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
-        self.history.at_hand(self.recorded(pulses))
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.samples_in_memory(self.recorded(pulses))
     }
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
@@ -104,7 +104,7 @@ mod tests {
     use crate::track::{Pose, turned};
     use std::f64::consts::FRAC_PI_2;
 
-    /// Northwards at 2 m/s, heading so.
+    /// Motion northwards at 2 m/s, heading north.
     #[derive(Debug)]
     struct North;
 
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn antennas_are_where_the_track_carries_them() {
+    fn antennas_follow_the_track() {
         let pulse = |n: usize| Pulse {
             time_s: n as f64,
             transmitter_m: DVec3::X * n as f64,
@@ -153,7 +153,7 @@ mod tests {
         let mut got = [Complex32::ZERO; 4];
         moved.read(1..3, &mut got).unwrap();
         assert_eq!(got.map(|z| z.re), [4.0, 5.0, 6.0, 7.0]);
-        assert_eq!(moved.at_hand(1..3).unwrap(), got);
+        assert_eq!(moved.samples_in_memory(1..3).unwrap(), got);
         let error = OnTrack::new(history(), &North, arms_m, (6.0, 9.0))
             .err()
             .unwrap();

@@ -6,16 +6,16 @@ use glam::DVec3;
 
 use super::Pulse;
 
-/// Area swept, of the arms' squares summed, below which it is rounding.
+/// Minimum area swept by the arms, relative to the sum of their squares; less is rounding.
 const MIN_SWEPT: f64 = 1e-12;
 
-/// From the point that a pulse refers to, to the middle of its antennas.
+/// Vector from the reference point of a pulse to the middle of its antennas.
 fn arm(pulse: &Pulse) -> DVec3 {
     (pulse.transmitter_m + pulse.receiver_m) / 2.0 - pulse.reference_m
 }
 
-/// The normal of the plane in which the antennas of `runs` go around what they refer to, so that most of
-/// their way is anti-clockwise about it.
+/// Normal of the plane in which the antennas of `runs` move around their reference points, oriented so that most of
+/// the motion is counterclockwise.
 fn axis(runs: &[&[Pulse]]) -> Option<DVec3> {
     let mut areas = Vec::with_capacity(runs.len());
     let mut square = 0.0;
@@ -29,7 +29,7 @@ fn axis(runs: &[&[Pulse]]) -> Option<DVec3> {
     }
     let largest = |a: &DVec3, b: &DVec3| if b.length() > a.length() { *b } else { *a };
     let side = areas.iter().copied().reduce(|a, b| largest(&a, &b))?;
-    // Opposite passes share a plane, although their areas cancel.
+    // Opposite passes share a plane, but their areas would cancel.
     let aligned = |area: &DVec3| if area.dot(side) < 0.0 { -*area } else { *area };
     let sum: DVec3 = areas.iter().map(aligned).sum();
     if sum.length().is_nan() || sum.length() <= MIN_SWEPT * square {
@@ -40,10 +40,10 @@ fn axis(runs: &[&[Pulse]]) -> Option<DVec3> {
     Some(if way < 0.0 { -normal } else { normal })
 }
 
-/// Angles of all pulses of `runs`, one run after another, in the plane in which the antennas go around the
-/// points they refer to and in the direction in which most do, radians from the middle of the widest gap on.
+/// Angles of all pulses of `runs`, one run after another, in the plane in which the antennas move around their
+/// reference points and in the direction of most of the motion, radians from the middle of the widest gap.
 ///
-/// `None` where there is no such plane: antennas that stand still, or go straight to or from the point.
+/// `None` if there is no such plane: antennas at rest, or moving straight towards or away from the point.
 pub(super) fn travelled_angles(runs: &[&[Pulse]]) -> Option<Vec<f64>> {
     let normal = axis(runs)?;
     let across = normal.any_orthonormal_vector();
@@ -69,13 +69,13 @@ pub(super) fn travelled_angles(runs: &[&[Pulse]]) -> Option<Vec<f64>> {
     Some(angles)
 }
 
-/// Usual steps from pulse to pulse above which one is a jump.
+/// Minimum length of a jump in units of the usual step from pulse to pulse.
 const JUMP_STEPS: f64 = 8.0;
-/// Mean step in the order of the pulses, over that in the order of their angles, above which they are in no track's order. A track that goes
-/// there and back has 2.
+/// Maximum ratio of the mean step in pulse order to that in angular order on a single track. A forth-and-back track
+/// has 2.
 const MAX_DISORDER: f64 = 4.0;
 
-/// Whether the antennas go along one track in the order of the pulses: no jump but straight ahead (pulses that were dropped), and no
+/// Whether the antennas move along one track in pulse order: no jumps except straight ahead (dropped pulses), and no
 /// disorder.
 pub(crate) fn is_one_pass(pulses: &[Pulse]) -> bool {
     let centre = |pulse: &Pulse| pulse.transmitter_m.midpoint(pulse.receiver_m);
@@ -109,8 +109,7 @@ pub(crate) fn is_one_pass(pulses: &[Pulse]) -> bool {
     lengths().sum::<f64>() <= MAX_DISORDER * around_m
 }
 
-/// Place of every pulse in the order of its angle; pulses of one angle as they come. `None` as
-/// [`travelled_angles`].
+/// Rank of every pulse by its angle; pulses with equal angles keep their order. `None` as for [`travelled_angles`].
 pub(crate) fn ranks_by_angle(pulses: &[Pulse]) -> Option<Vec<usize>> {
     let angles = travelled_angles(&[pulses])?;
     let mut order: Vec<usize> = (0..pulses.len()).collect();

@@ -1,7 +1,7 @@
 //! Physical limits of the numbers in a recording. Readers refuse numbers outside these limits: no radar measures them, and sums
 //! over them are not finite.
 //!
-//! | number | limits | the widest known use |
+//! | number | limits | extreme known use |
 //! |---|---|---|
 //! | frequency | 1 kHz to 10^15 Hz | from sounding with kHz to lidar at 2 10^14 Hz |
 //! | step of frequency | 10^-6 Hz to 10^15 Hz | |
@@ -16,11 +16,11 @@ use super::Pulse;
 const MIN_HZ: f64 = 1e3;
 /// Upper limit of a frequency, hertz.
 const MAX_HZ: f64 = 1e15;
-/// Least step from one frequency to the next, hertz.
+/// Minimum frequency step, hertz.
 const MIN_STEP_HZ: f64 = 1e-6;
-/// Greatest magnitude of a coordinate, metres.
+/// Maximum magnitude of a coordinate, metres.
 const FARTHEST_M: f64 = 1e10;
-/// Greatest magnitude of a time, seconds.
+/// Maximum magnitude of a time, seconds.
 const LONGEST_S: f64 = 1e11;
 
 /// Describe the fault of a band of `count` frequencies; `None` if it is valid.

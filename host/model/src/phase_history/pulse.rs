@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::sweep::Sweep;
 
-/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame, at the moment of sample `K/2`.
+/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame, at the time of sample `K/2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
     /// Time of the pulse, seconds from the collection's start.
@@ -28,13 +28,13 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Two-way path from transmitter to `point` to receiver, metres, at the moment of sample `K/2`.
+    /// Two-way path from transmitter to `point` to receiver at the time of sample `K/2`, metres.
     #[inline]
     pub fn path_m(&self, point: DVec3) -> f64 {
         (point - self.transmitter_m).length() + (point - self.receiver_m).length()
     }
 
-    /// Path to `point` relative to the one the phase is compensated to, metres.
+    /// Path to `point` relative to the reference path of the phase, metres.
     #[inline]
     pub fn relative_path_m(&self, point: DVec3) -> f64 {
         self.path_m(point) - self.reference_path_m

@@ -1,15 +1,15 @@
-//! Motion while the samples of a pulse are taken, one after another.
+//! Intra-pulse motion: samples of a pulse taken one after another.
 //!
-//! A linear sweep passes its frequencies in turn, and a stepped radar sets its carriers in turn: sample `k` is
-//! taken at `s = (k - K/2) sample_s` seconds after sample `K/2`, whose geometry is the pulse's. Meanwhile the
-//! antennas go on along
+//! A linear sweep passes through its frequencies, and a stepped radar sets its carriers, one after another: sample
+//! `k` is taken `s = (k - K/2) sample_s` seconds after sample `K/2`, which has the pulse's geometry. Meanwhile the
+//! antennas move along
 //!
 //! ```text
 //! T(s) = transmitter_m + transmitter_m_s s + transmitter_m_s2 s^2 / 2,    R(s) likewise
 //! ```
 //!
-//! so that the path to `p` at that sample is `|p - T(s)| + |p - R(s)|`. Phases are referred to the reference
-//! point at the sample's own moment ([`Sweep::reference_m_s`]) or to one path for all samples.
+//! so that the path to `p` at that sample is `|p - T(s)| + |p - R(s)|`. Phases are referred to the reference point at
+//! the sample's own time ([`Sweep::reference_m_s`]) or to one path for all samples.
 //!
 //! **Effect.** With `r'` and `r''` the derivatives of the relative path by `k` and `d = k - K/2`, the phase
 //! of a scatterer is, in turns,
@@ -18,49 +18,48 @@
 //! -f_k r_k / c = -(f_c r + d (step r + f_c r') + d^2 (step r' + f_c r'' / 2) + d^3 step r'' / 2) / c
 //! ```
 //!
-//! The term in `d` shifts the range profile by `f_c r' / step`: range and Doppler are coupled. The term in `d^2` blurs
-//! it. At the reference point `r'` and `r''` are zero; elsewhere they grow with the angle between the lines of sight.
+//! The term in `d` shifts the range profile by `f_c r' / step`: range-Doppler coupling. The term in `d^2` smears it.
+//! At the reference point `r'` and `r''` are zero; elsewhere they increase with the angle between the lines of sight.
 //!
-//! Neglected: that the wave to `p` leaves and arrives sooner or later than that to the reference, by the difference
-//! of delays, which moves the path by less than `2 v / c` of its difference from the reference's; and what of the
-//! track a parabola over the sweep leaves.
+//! Neglected: the difference in departure and arrival times between the wave to `p` and that to the reference, which
+//! changes the path by less than `2 v / c` of its difference from the reference's; and deviations of the track from a
+//! parabola over the sweep.
 
 use glam::DVec3;
 
 use super::Pulse;
 
-/// How the antennas move while the samples of a pulse are taken.
+/// Motion of the antennas while the samples of a pulse are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
-    /// Time from sample to sample, seconds; negative where higher frequencies come first, 0 where all samples are
-    /// taken at once.
+    /// Time from sample to sample, seconds; negative if higher frequencies come first, 0 for simultaneous samples.
     pub sample_s: f64,
-    /// Velocity of the transmitter at sample `K/2`, metres a second.
+    /// Velocity of the transmitter at sample `K/2`, metres per second.
     pub transmitter_m_s: DVec3,
-    /// Its acceleration, metres a second squared.
+    /// Acceleration of the transmitter, metres per second squared.
     pub transmitter_m_s2: DVec3,
-    /// Velocity of the receiver at sample `K/2`, metres a second.
+    /// Velocity of the receiver at sample `K/2`, metres per second.
     pub receiver_m_s: DVec3,
-    /// Its acceleration, metres a second squared.
+    /// Acceleration of the receiver, metres per second squared.
     pub receiver_m_s2: DVec3,
-    /// Velocity of the reference point (zero in a scene at rest), if every sample's phase is referred to the path by
-    /// way of it at the sample's own moment; `None` if all are referred to the pulse's reference path.
+    /// Velocity of the reference point (zero for a scene at rest), if the phase of every sample is referred to the
+    /// path through it at the sample's own time. `None` if all samples are referred to the pulse's reference path.
     pub reference_m_s: Option<DVec3>,
 }
 
-/// A path and how it changes from sample to sample.
+/// Path with its derivatives over the sample index.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathTerms {
     /// Path at sample `K/2`, metres.
     pub path_m: f64,
-    /// Its first derivative, metres a sample.
+    /// First derivative, metres per sample.
     pub rate_m: f64,
-    /// Its second derivative, metres a sample squared.
+    /// Second derivative, metres per sample squared.
     pub bend_m: f64,
 }
 
 impl Sweep {
-    /// All samples taken at once: a radar that stands still while a pulse lasts, or a pulse that is short.
+    /// Simultaneous samples: a radar at rest during a pulse, or a short pulse.
     pub const AT_ONCE: Self = Self {
         sample_s: 0.0,
         transmitter_m_s: DVec3::ZERO,
@@ -70,7 +69,7 @@ impl Sweep {
         reference_m_s: None,
     };
 
-    /// Whether it is of numbers.
+    /// Whether all values are finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
         let vectors = [
@@ -98,15 +97,15 @@ impl Sweep {
 }
 
 impl Pulse {
-    /// Two-way path to `point` at the moment that is `after` samples after sample `K/2`, metres.
+    /// Two-way path to `point` `after` samples after sample `K/2`, metres.
     #[inline]
     pub fn path_after_m(&self, point: DVec3, after: f64) -> f64 {
         let [transmitter_m, receiver_m] = self.antennas_after_m(after);
         (point - transmitter_m).length() + (point - receiver_m).length()
     }
 
-    /// Path to `point` relative to the one that the phase of that sample is compensated to, metres; at sample
-    /// `K/2` the same as [`Self::relative_path_m`].
+    /// Path to `point` relative to the reference path of that sample's phase, metres. Equal to
+    /// [`Self::relative_path_m`] at sample `K/2`.
     #[inline]
     pub fn relative_path_after_m(&self, point: DVec3, after: f64) -> f64 {
         if self.sweep.sample_s == 0.0 {
@@ -115,7 +114,7 @@ impl Pulse {
         self.path_after_m(point, after) - self.reference_path_m - self.reference_drift_m(after)
     }
 
-    /// Transmitter and receiver at the moment that is `after` samples after sample `K/2`, metres.
+    /// Positions of transmitter and receiver `after` samples after sample `K/2`, metres.
     #[inline]
     pub fn antennas_after_m(&self, after: f64) -> [DVec3; 2] {
         let sweep = &self.sweep;
@@ -126,7 +125,7 @@ impl Pulse {
         ]
     }
 
-    /// How much longer the reference path is at that sample than at sample `K/2`, metres.
+    /// Increase of the reference path from sample `K/2` to that sample, metres.
     #[inline]
     pub fn reference_drift_m(&self, after: f64) -> f64 {
         let Some(velocity_m_s) = self.sweep.reference_m_s else {
@@ -136,16 +135,16 @@ impl Pulse {
         self.path_after_m(self.reference_m + moved_m, after) - self.path_m(self.reference_m)
     }
 
-    /// The path to a point that is at `point` at sample `K/2` and moves at `velocity_m_s`, with its derivatives by
-    /// the sample's index. Metres; of the path itself, not relative to the reference's.
-    // A call for every pixel and pulse would cost a third of backprojection's time.
+    /// Path to a point that is at `point` at sample `K/2` and moves at `velocity_m_s`, with its derivatives over the
+    /// sample index. Metres; not relative to the reference path.
+    // Inlined: a call for every pixel and pulse would cost a third of the time of backprojection.
     #[inline(always)]
     pub fn path_terms(&self, point: DVec3, velocity_m_s: DVec3) -> PathTerms {
         let sweep = &self.sweep;
         let leg = |antenna_m: DVec3, antenna_m_s: DVec3, antenna_m_s2: DVec3| {
             let sight = point - antenna_m;
             let range_m = sight.length();
-            // A point at the antenna's phase centre has no direction, and no rate.
+            // A point at the antenna's phase centre has neither direction nor rate.
             if sweep.sample_s == 0.0 || range_m == 0.0 {
                 return [range_m, 0.0, 0.0];
             }
@@ -174,7 +173,7 @@ impl Pulse {
         }
     }
 
-    /// The path that phases are referred to, with its derivatives by the sample's index.
+    /// Reference path of the phases, with its derivatives over the sample index.
     #[inline]
     pub fn reference_terms(&self) -> PathTerms {
         let mut terms = match self.sweep.reference_m_s {
@@ -203,8 +202,8 @@ impl std::ops::Sub for PathTerms {
 mod tests {
     use super::*;
 
-    /// A transmitter at (0, -4, 3) that flies along x at 2 m/s and climbs at 1 m/s^2, a receiver at rest at
-    /// (0, -5, 0), 10 ms a sample, referred to the origin.
+    /// Transmitter at (0, -4, 3) that moves along x at 2 m/s and climbs at 1 m/s^2, receiver at rest at (0, -5, 0),
+    /// 10 ms per sample, referred to the origin.
     fn pulse(reference_m_s: Option<DVec3>) -> Pulse {
         Pulse {
             time_s: 0.0,
@@ -225,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn paths_follow_the_antennas() {
+    fn paths_follow_moving_antennas() {
         // 50 samples are half a second: the transmitter is at (1, -4, 3.125). To (1, 2, 0), by Pythagoras.
         let point = DVec3::new(1.0, 2.0, 0.0);
         let back_m = (1.0f64 + 49.0).sqrt();
@@ -234,7 +233,7 @@ mod tests {
         assert!((fixed.path_after_m(point, 50.0) - expected_m).abs() < 1e-14);
         let relative_m = fixed.relative_path_after_m(point, 50.0);
         assert!((relative_m - (expected_m - 10.0)).abs() < 1e-14);
-        // The reference is followed: from (1, -4, 3.125) to the origin, and 5 m back.
+        // With a followed reference: from (1, -4, 3.125) to the origin, and 5 m back.
         let followed = pulse(Some(DVec3::ZERO));
         let reference_m = (17.0f64 + 3.125 * 3.125).sqrt() + 5.0;
         let relative_m = followed.relative_path_after_m(point, 50.0);
@@ -247,12 +246,13 @@ mod tests {
     }
 
     #[test]
-    fn terms_are_the_derivatives() {
+    fn path_terms_equal_numerical_derivatives() {
         let pulse = pulse(Some(DVec3::new(0.3, -0.2, 0.1)));
         let (point, velocity) = (DVec3::new(1.0, 2.0, 0.5), DVec3::new(-1.0, 0.5, 0.0));
         let path_m = |after: f64| pulse.path_after_m(point + velocity * (0.01 * after), after);
         let check = |terms: PathTerms, path_m: &dyn Fn(f64) -> f64| {
-            // Central differences of a sample: the next term is 1e-6 of a path of some 10 m, by 1 m/s a sample.
+            // Central differences over one sample: the next term is 1e-6 of a path of about 10 m, at 1 m/s per
+            // sample.
             let (before, at, after) = (path_m(-1.0), path_m(0.0), path_m(1.0));
             assert!((terms.path_m - at).abs() < 1e-14);
             assert!((terms.rate_m - (after - before) / 2.0).abs() < 1e-7);

@@ -13,24 +13,25 @@ pub struct Weights {
     /// Weight of each pulse.
     pub slow: Vec<f64>,
     /// Pulses and weights of each block of pixels, used instead of `slow` where the beam limits the pulses of a pixel.
-    pub lit: Option<Arc<BlockIllumination>>,
-    /// Windows over fast and slow time that the weights sample; `None` for other weights. A stored plan states its weights by them.
+    pub illumination: Option<Arc<BlockIllumination>>,
+    /// Windows over fast and slow time from which the weights were computed; `None` for other weights. A stored plan
+    /// states its weights by them.
     pub windows: Option<[Window; 2]>,
 }
 
 impl Weights {
-    /// Samples `fast` over the collection's frequencies and `slow` over its pulses, in their order: that of time, or where no time is known that in
-    /// which they were recorded. So a recording has the same weights with times and without.
+    /// Sample `fast` over the collection's frequencies and `slow` over its pulses in their order: that of time, or
+    /// without times the recorded one. A recording has the same weights with and without times.
     ///
-    /// Pulses of several passes without times, joined, have no common order. They are weighed in the order of the angle under which
-    /// the antennas go around what they refer to, so that passes over the same angles share the window. A pass ends where the antennas
-    /// jump by more than 8 usual steps, other than straight ahead. Pulses that are not in the order of any track are weighed so too.
+    /// Joined pulses of several passes without times have no common order. They are weighted in the order of the
+    /// angle of the antennas around their reference points, so that passes over the same angles share the window. A
+    /// pass ends at a jump of the antennas by more than 8 usual steps, other than straight ahead. Pulses that are not
+    /// in the order of any track are weighted in the same order.
     ///
-    /// Channels one after another ([`Collection::num_turns`]) are weighed alike, each
-    /// by `slow` over its own pulses.
+    /// Channels one after another ([`Collection::num_turns`]) have equal weights, each by `slow` over its own pulses.
     ///
-    /// A window over time shapes the response across range if the antennas pass each place once. On a
-    /// track that goes there and back it weighs the way there by its first half and the way back by its second.
+    /// A window over time shapes the cross-range response if the antennas pass each position once. On a
+    /// forth-and-back track its first half weights the outward pass and its second half the return.
     pub fn new(collection: &Collection, fast: Window, slow: Window) -> Self {
         let turns = collection.num_turns();
         let by_place = slow.weights(turns);
@@ -48,22 +49,22 @@ impl Weights {
         Self {
             fast: fast.weights(collection.num_samples),
             slow: channels.flat_map(of_channel).collect(),
-            lit: None,
+            illumination: None,
             windows: Some([fast, slow]),
         }
     }
 
-    /// `1 / (sum fast * sum slow)`: the factor that makes a unit scatterer read 1.
+    /// `1 / (sum fast * sum slow)`: the factor with which a unit scatterer has the value 1.
     pub fn normalisation(&self) -> f64 {
         1.0 / (self.fast.iter().sum::<f64>() * self.slow.iter().sum::<f64>())
     }
 
-    /// The same of the pixel at a row and column; 0 where no pulse sees it.
+    /// [`Self::normalisation`] of a pixel; 0 if no pulse illuminates it.
     pub fn normalisation_at(&self, row: usize, column: usize) -> f64 {
-        let Some(lit) = &self.lit else {
+        let Some(illumination) = &self.illumination else {
             return self.normalisation();
         };
-        match lit.slow(lit.block_of(row, column)).1 {
+        match illumination.slow(illumination.block_of(row, column)).1 {
             0.0 => 0.0,
             sum => 1.0 / (self.fast.iter().sum::<f64>() * sum),
         }

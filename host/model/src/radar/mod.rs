@@ -1,6 +1,6 @@
 //! Radar: waveform, antennas and receiver.
 
-mod carried;
+mod mounted_antennas;
 mod pattern;
 mod shape;
 mod waveform;
@@ -9,27 +9,27 @@ use glam::DVec3;
 
 use crate::phase_history::Band;
 
-pub use carried::{Carried, is_directive};
+pub use mounted_antennas::{MountedAntennas, is_directive};
 
 /// Radar with its waveform, antennas and receiver.
 #[derive(Clone, Debug)]
 pub struct Radar {
     /// Transmitted waveform and sampling of the echo.
     pub waveform: Waveform,
-    /// Number of pulses (sweeps, steps' cycles).
+    /// Number of pulses (sweeps, or cycles of carriers).
     pub num_pulses: usize,
     /// Time from pulse to pulse, seconds.
     pub pri_s: f64,
     /// Time of the first pulse, seconds from the collection's start.
     pub start_s: f64,
-    /// Antennas that transmit; more than one take turns, pulse by pulse.
+    /// Transmitting antennas. Several alternate from pulse to pulse.
     pub transmitters: Vec<Antenna>,
-    /// Antennas that receive, all of them every pulse.
+    /// Receiving antennas, all of which receive every pulse.
     pub receivers: Vec<Antenna>,
     /// Model of intra-pulse motion.
     pub motion: Motion,
-    /// Whether echoes weaken with range, `R0^2 / (R_tx R_rx)` in amplitude, with `R0^2` the product of the reference
-    /// point's ranges in the middle pulse, number `P/2` of `P` from 0.
+    /// Whether echoes have spreading loss, `R0^2 / (R_tx R_rx)` in amplitude, with `R0^2` the product of the
+    /// reference point's ranges in the middle pulse, number `P/2` of `P` from 0.
     pub spreading: bool,
     /// Noise, interference and quantisation of the receiver.
     pub receiver: Receiver,
@@ -41,8 +41,8 @@ pub enum Motion {
     /// Stop-and-go approximation: the radar is at rest until the echo has arrived.
     #[default]
     StopAndGo,
-    /// Intra-pulse motion without the stop-and-go approximation: each sample uses the positions of the antennas and scatterers at the moments of
-    /// transmission, scattering and reception.
+    /// Intra-pulse motion without the stop-and-go approximation: each sample uses the positions of antennas and
+    /// scatterers at the times of transmission, scattering and reception.
     True,
 }
 
@@ -51,17 +51,16 @@ pub enum Motion {
 /// Phases follow the project's sign: a delay `tau` at frequency `f` gives `exp(-j 2 pi f tau)`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Waveform {
-    /// Phase history as the definition has it, flat over the band: no echo, no receiver window.
+    /// Phase history by definition, flat over the band: no echo, no receive window.
     Ideal {
         /// Frequency axis of the samples.
         band: Band,
     },
-    /// A pulse of any shape, sampled at baseband about `centre_hz`; kept as echoes before the matched
-    /// filter.
+    /// Pulse of any shape, sampled at baseband about `centre_hz`; stored as echoes before the matched filter.
     Pulsed {
-        /// Frequency that baseband's 0 Hz stands for.
+        /// Frequency that 0 Hz at baseband corresponds to.
         centre_hz: f64,
-        /// Complex samples a second.
+        /// Sampling rate of complex samples.
         sample_rate_hz: f64,
         /// Number of samples per echo.
         num_samples: usize,
@@ -70,11 +69,11 @@ pub enum Waveform {
         /// Baseband pulse shape.
         shape: PulseShape,
     },
-    /// A linear sweep mixed with the echo (de-chirp on receive): the beat, with its residual video
-    /// phase and range skew (Chim 2018, 2.2).
+    /// Linear sweep mixed with the echo (deramp on receive): the beat signal, with its residual video phase and range
+    /// skew (Chim 2018, 2.2).
     ///
-    /// With `d = tau - mixer_delay_s`, sample `k` at `t = k / sample_rate_hz` of an echo that is `tau`
-    /// late is the echo times the conjugate of the copy it is mixed with,
+    /// With `d = tau - mixer_delay_s`, sample `k` at `t = k / sample_rate_hz` of an echo with delay `tau` is the echo
+    /// times the conjugate of the copy that it is mixed with,
     ///
     /// ```text
     /// exp(-j 2 pi (start_hz + chirp_hz_s (t - mixer_delay_s)) d) exp(+j pi chirp_hz_s d^2)
@@ -82,70 +81,69 @@ pub enum Waveform {
     ///
     /// exactly. The second factor is the residual video phase.
     Fmcw {
-        /// Transmitted frequency at the moment of sample 0.
+        /// Transmitted frequency at the time of sample 0.
         start_hz: f64,
-        /// Sweep rate, hertz a second; negative sweeps down.
+        /// Sweep rate, hertz per second; negative for a falling sweep.
         chirp_hz_s: f64,
-        /// Complex samples a second.
+        /// Sampling rate of complex samples.
         sample_rate_hz: f64,
         /// Number of samples per sweep.
         num_samples: usize,
-        /// Delay of the copy that the echo is mixed with, seconds; 0 for a plain homodyne radar.
+        /// Delay of the copy that the echo is mixed with, seconds; 0 for a homodyne radar.
         mixer_delay_s: f64,
     },
-    /// Carriers one after another, a complex number each (Chim 2018, 2.2.2 and 5.5).
+    /// Carriers one after another, with one complex sample each (Chim 2018, 2.2.2 and 5.5).
     Stepped {
-        /// The carriers.
+        /// Carrier frequencies.
         band: Band,
         /// Time from carrier to carrier, seconds.
         step_s: f64,
-        /// Time over which a carrier's samples are averaged, seconds: the noise bandwidth is its
-        /// inverse.
+        /// Averaging time per carrier, seconds; the noise bandwidth is its inverse.
         dwell_s: f64,
     },
 }
 
-/// The shape of a pulse, at baseband.
+/// Baseband shape of a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PulseShape {
-    /// A linear frequency sweep from `-bandwidth_hz / 2` to `+bandwidth_hz / 2`, or down.
+    /// Linear frequency sweep from `-bandwidth_hz / 2` to `+bandwidth_hz / 2`, or falling.
     Lfm {
         /// Swept bandwidth.
         bandwidth_hz: f64,
-        /// Length.
+        /// Duration.
         duration_s: f64,
-        /// Whether frequency rises.
+        /// Whether the frequency rises.
         rising: bool,
     },
-    /// Chips of equal length and given phases, band-limited to the sampling rate.
+    /// Chips of equal duration and given phases, band-limited to the sampling rate.
     PhaseCode {
         /// Phase of each chip, radians.
         phases_rad: Vec<f64>,
-        /// Length of a chip.
+        /// Duration of a chip.
         chip_s: f64,
     },
 }
 
-/// An antenna on the body.
+/// Antenna on a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Antenna {
-    /// A name for channels and errors.
+    /// Name for channels and errors.
     pub name: String,
-    /// Its phase centre, metres in body axes.
+    /// Phase centre, metres in body axes.
     pub offset_m: DVec3,
-    /// Unit vector to where it looks, body axes.
+    /// Unit vector of the boresight, body axes.
     pub boresight: DVec3,
-    /// Unit vector of the beam's elevation axis, body axes, orthogonal to `boresight`: azimuth is turned
-    /// about it.
+    /// Unit vector of the beam's elevation axis, body axes, orthogonal to `boresight`; azimuth is the rotation about
+    /// it.
     pub up: DVec3,
-    /// Its pattern.
+    /// Antenna pattern.
     pub pattern: Pattern,
 }
 
 /// Amplitude of an antenna over direction, one way, 1 on boresight.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Pattern {
-    /// Alike everywhere.
+    /// Equal in all directions.
     #[default]
     Isotropic,
     /// `exp(-2 ln 2 ((az / az_w)^2 + (el / el_w)^2))` in amplitude: half the power at half the widths.
@@ -155,7 +153,7 @@ pub enum Pattern {
         /// Full half-power width in elevation, radians.
         elevation_rad: f64,
     },
-    /// A uniformly lit rectangle: sinc in both planes, with side lobes.
+    /// Uniformly illuminated rectangular aperture: sinc in both planes, with side lobes.
     Aperture {
         /// Full half-power width in azimuth, radians.
         azimuth_rad: f64,
@@ -167,32 +165,32 @@ pub enum Pattern {
 /// Noise, interference and quantisation of a receiver. All powers relate to the echo of 1 m² at the scene's reference point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Thermal noise; none if not given.
+    /// Thermal noise.
     pub noise: Option<ThermalNoise>,
-    /// Noise of the oscillator's phase.
+    /// Phase noise of the oscillator.
     pub phase_noise: Option<PhaseNoise>,
-    /// Error of the clock.
+    /// Clock errors.
     pub clock: Option<Clock>,
-    /// Other transmitters.
+    /// Interfering transmitters.
     pub interference: Vec<Interferer>,
-    /// The converter to numbers.
+    /// Analog-to-digital converter.
     pub converter: Option<Converter>,
 }
 
-/// How strong thermal noise is.
+/// Level of the thermal noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ThermalNoise {
-    /// Power of a raw sample's noise relative to the echo of 1 m² at the reference point, dB.
+    /// Noise power of a raw sample relative to the echo of 1 m² at the reference point, dB.
     Relative {
         /// Power, dB.
         power_db: f64,
     },
-    /// From the radar equation (Chim 2018, 2.1.3): transmitted power, gains, wavelength, range, losses,
+    /// Noise from the radar equation (Chim 2018, 2.1.3): transmitted power, gains, wavelength, range, losses,
     /// temperature and noise figure.
     Equation(LinkBudget),
 }
 
-/// The radar equation's parts beside wavelength, range and sampling rate.
+/// Parameters of the radar equation, except wavelength, range and sampling rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkBudget {
     /// Peak transmitted power, watts.
@@ -203,19 +201,18 @@ pub struct LinkBudget {
     pub receive_gain_dbi: f64,
     /// Losses, dB.
     pub losses_db: f64,
-    /// Noise figure of the receiver, dB. Chim 2018 (5.3) has 1.604 dB.
+    /// Noise figure of the receiver, dB; 1.604 dB in Chim 2018 (5.3).
     pub noise_figure_db: f64,
     /// Noise temperature of the antenna, kelvin.
     pub temperature_k: f64,
 }
 
-/// Noise of an oscillator's phase: a sum of power laws, `L(f) = sum_i level_i (f / 1 Hz)^slope_i`.
-/// Transmission and reception share the oscillator, so an echo's noise is the difference of two
-/// moments a delay apart.
+/// Phase noise of an oscillator: a sum of power laws, `L(f) = sum_i level_i (f / 1 Hz)^slope_i`. Transmission and
+/// reception share the oscillator, so the phase noise of an echo is the difference between two times one delay apart.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PhaseNoise {
-    /// Offsets in hertz and single-sideband levels in dBc/Hz at the carrier, straight between them on
-    /// logarithmic axes; nothing outside.
+    /// Offsets in hertz and single-sideband levels in dBc/Hz at the carrier, interpolated linearly on logarithmic
+    /// axes; no noise outside.
     pub levels: Vec<(f64, f64)>,
 }
 
@@ -224,39 +221,39 @@ pub struct PhaseNoise {
 pub struct Clock {
     /// Relative error of all frequencies (carrier, sampling rate, pulse repetition).
     pub offset: f64,
-    /// RMS jitter of a pulse's start of sampling, seconds.
+    /// RMS jitter of the sampling start of a pulse, seconds.
     pub jitter_s: f64,
 }
 
-/// A foreign transmitter.
+/// Interfering transmitter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interferer {
-    /// Its carrier, hertz.
+    /// Carrier frequency, hertz.
     pub frequency_hz: f64,
-    /// Bandwidth of its noise-like signal, hertz; 0 for a tone.
+    /// Bandwidth of the noise-like signal, hertz; 0 for a tone.
     pub bandwidth_hz: f64,
     /// Power of a raw sample relative to the echo of 1 m² at the reference point, dB.
     pub power_db: f64,
-    /// Part of the pulses that it disturbs, 0 to 1.
+    /// Fraction of pulses that it disturbs, 0 to 1.
     pub duty: f64,
 }
 
-/// An analog-to-digital converter, for I and for Q.
+/// Analog-to-digital converter for I and Q.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Converter {
-    /// Bits, sign included.
+    /// Number of bits, including the sign.
     pub bits: u32,
-    /// Largest magnitude of I or Q, relative to the echo of 1 m² at the reference point, dB. Larger ones
-    /// saturate.
+    /// Full scale: largest magnitude of I or Q, relative to the echo of 1 m² at the reference point, dB. Larger
+    /// values saturate.
     pub full_scale_db: f64,
 }
 
 /// Reference of phases and amplitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reference {
-    /// A point of the scene: phases are compensated to it with the measured track, pulse by pulse.
+    /// Point of the scene: phases are compensated to it with the measured track, pulse by pulse.
     Point(DVec3),
-    /// A range from the radar, metres, as a receiver with one range gate has it: the same path for all
-    /// pulses. Positions count from the origin of the scene for amplitudes.
+    /// Range from the radar, metres, as in a receiver with one range gate: the same path for all pulses. Amplitudes
+    /// refer to the scene's origin.
     Range(f64),
 }

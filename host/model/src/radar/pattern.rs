@@ -1,6 +1,6 @@
 //! Antenna patterns: amplitude over direction.
 //!
-//! With `b` the boresight, `u` up and `l = u x b` (left, when looking along `b`), a unit direction `d` has
+//! With boresight `b`, up vector `u` and `l = u x b` (left, looking along `b`), a unit direction `d` has
 //!
 //! ```text
 //! azimuth = atan2(d.l, d.b)     elevation = asin(d.u)
@@ -8,11 +8,11 @@
 //! Aperture: sinc(h d.l / sin(w_az / 2)) sinc(h d.u / sin(w_el / 2)),  d.b > 0;  0 behind
 //! ```
 //!
-//! `sinc(x) = sin(pi x) / (pi x)` and `sinc(h) = 1 / sqrt 2`, so that either has half its power at half
-//! the widths. The aperture's is the far field of a uniformly lit rectangle in an opaque screen, of
-//! length `h / sin(w / 2)` wavelengths; its side lobes change sign, and the first is at -13.26 dB.
-//! The pattern is one frequency's for the whole band, and polarisation and the element factor are
-//! neglected. An aperture in truth narrows by the relative bandwidth over the band.
+//! `sinc(x) = sin(pi x) / (pi x)` and `sinc(h) = 1 / sqrt 2`, so that both patterns have half their power at half the
+//! widths. The aperture pattern is the far field of a uniformly illuminated rectangle in an opaque screen, of length
+//! `h / sin(w / 2)` wavelengths. Its side lobes alternate in sign; the first is at -13.26 dB. The pattern of one
+//! frequency is used for the whole band (a real aperture's narrows by the relative bandwidth over the band).
+//! Polarisation and the element factor are neglected.
 //!
 //! Accuracy: half-power angles to 1e-12, side lobe to 0.01 dB, by the tests below.
 
@@ -22,13 +22,13 @@ use glam::{DQuat, DVec3};
 
 use super::{Antenna, Pattern};
 
-/// Where `sin(pi x) / (pi x)` is `1 / sqrt 2`.
+/// Positive solution of `sin(pi x) / (pi x) = 1 / sqrt 2`.
 const HALF_POWER: f64 = 0.442_946_470_689_452_3;
 
 impl Antenna {
-    /// One-way amplitude towards a direction, 1 on boresight; negative where the field's sign is turned.
+    /// One-way amplitude in a direction, 1 on boresight; negative where the field has the opposite sign.
     ///
-    /// `attitude` is that of the body which carries the antenna, `towards` a unit vector in scene axes.
+    /// `attitude` is that of the body that carries the antenna, `towards` a unit vector in scene axes.
     #[inline]
     pub fn amplitude(&self, attitude: DQuat, towards: DVec3) -> f64 {
         if self.pattern == Pattern::Isotropic {
@@ -76,7 +76,7 @@ mod tests {
     const AZIMUTH_RAD: f64 = 0.3;
     const ELEVATION_RAD: f64 = 0.7;
 
-    /// Looks to the left of the body, its up being the body's.
+    /// Antenna that looks to the left of the body, with the body's up vector.
     fn antenna(pattern: Pattern) -> Antenna {
         Antenna {
             name: "side".to_owned(),
@@ -100,7 +100,7 @@ mod tests {
         ]
     }
 
-    /// The body direction at an azimuth (about z from y) and an elevation.
+    /// Body direction at an azimuth (about z from y) and an elevation.
     fn direction(azimuth: f64, elevation: f64) -> DVec3 {
         DVec3::new(
             -azimuth.sin() * elevation.cos(),
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn power_is_one_on_boresight_and_half_at_half_the_widths() {
+    fn power_is_one_on_boresight_and_half_at_half_widths() {
         for pattern in both() {
             let antenna = antenna(pattern);
             let power = |az, el| {
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn an_aperture_has_its_side_lobe_at_minus_13_26_db_and_nothing_behind() {
+    fn aperture_has_first_side_lobe_at_minus_13_26_db_and_no_back_lobe() {
         let antenna = antenna(both()[1]);
         let amplitude = |az: f64| antenna.amplitude(DQuat::IDENTITY, direction(az, 0.0));
         // Between the first nulls, sin(az) = sin(w / 2) / h and twice that.
@@ -145,8 +145,8 @@ mod tests {
     }
 
     #[test]
-    fn the_beam_turns_with_the_body_and_azimuth_about_up() {
-        // Nose along scene y: the beam, to the left, looks along scene -x.
+    fn beam_rotates_with_body_and_azimuth_is_about_up() {
+        // Nose along scene y: the beam, to the left, points along scene -x.
         let attitude = DQuat::from_rotation_z(PI / 2.0);
         for pattern in both() {
             let antenna = antenna(pattern);

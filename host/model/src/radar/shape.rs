@@ -1,8 +1,8 @@
 //! Baseband pulse shapes.
 //!
-//! A sweep is `exp(j pi (B / T) t (t - T))` for `0 <= t < T`, sampled: its frequency runs from `-B/2` to
-//! `B/2`, or backwards if it falls. A phase code is band-limited to the sampling rate, so its spectrum
-//! is that of its chips within it,
+//! A sweep is `exp(j pi (B / T) t (t - T))` for `0 <= t < T`, sampled: its frequency runs from `-B/2` to `B/2`, or
+//! backwards for a falling sweep. A phase code is band-limited to the sampling rate, so its spectrum is that of its
+//! chips within it,
 //!
 //! ```text
 //! P(f) = rate chip_s sinc(f chip_s) exp(-j pi f chip_s) sum_c exp(j phase_c - j 2 pi f c chip_s)
@@ -31,8 +31,8 @@ impl PulseShape {
         }
     }
 
-    /// The discrete Fourier transform, unscaled, of the pulse followed by zeros, `count` samples at
-    /// `rate_hz` in all. A longer pulse wraps around.
+    /// Unscaled discrete Fourier transform of the zero-padded pulse, `count` samples at `rate_hz` in total. A longer
+    /// pulse wraps around.
     pub fn spectrum(&self, rate_hz: f64, count: usize) -> Vec<Complex64> {
         match self {
             Self::Lfm {
@@ -42,7 +42,7 @@ impl PulseShape {
             } => {
                 let chirp_hz_s = bandwidth_hz / duration_s * if *rising { 1.0 } else { -1.0 };
                 let mut samples = vec![Complex64::ZERO; count];
-                // A last sample that rounding puts at the pulse's end is outside it.
+                // A last sample that rounding places at the end of the pulse is outside it.
                 let length = (duration_s * rate_hz * (1.0 - 1e-12)).ceil() as usize;
                 for i in 0..length {
                     let t = i as f64 / rate_hz;
@@ -76,9 +76,9 @@ impl PulseShape {
 mod tests {
     use super::*;
 
-    /// Parseval: a sweep of unit amplitude and 400 samples, whatever the length of the transform.
+    /// Parseval: a sweep of unit amplitude has 400 samples of energy for any transform length.
     #[test]
-    fn a_sweep_has_its_energy() {
+    fn sweep_energy_is_independent_of_transform_length() {
         let shape = PulseShape::Lfm {
             bandwidth_hz: 80e6,
             duration_s: 4e-6,
@@ -89,7 +89,7 @@ mod tests {
             let energy: f64 = spectrum.iter().map(Complex64::norm_sqr).sum::<f64>() / count as f64;
             assert!((energy - 400.0).abs() < 1e-9, "{energy}");
         }
-        // Falling: the conjugate of the rising pulse, whose spectrum is mirrored.
+        // Falling sweep: the conjugate of the rising one, with a mirrored spectrum.
         let rising = PulseShape::Lfm {
             bandwidth_hz: 80e6,
             duration_s: 4e-6,
@@ -101,9 +101,9 @@ mod tests {
         }
     }
 
-    /// One chip over the whole of a window of `N` samples: `P[0] = N`, all others 0.
+    /// One chip over a whole window of `N` samples: `P[0] = N`, all others 0.
     #[test]
-    fn a_chip_as_long_as_the_window_is_a_constant() {
+    fn chip_of_window_length_has_dc_only() {
         let shape = PulseShape::PhaseCode {
             phases_rad: vec![0.0],
             chip_s: 64e-8,

@@ -3,7 +3,7 @@
 use super::Waveform;
 
 impl Waveform {
-    /// Raw samples a pulse.
+    /// Number of raw samples per pulse.
     #[inline]
     pub fn num_samples(&self) -> usize {
         match self {
@@ -12,7 +12,7 @@ impl Waveform {
         }
     }
 
-    /// The middle of the frequencies transmitted, hertz.
+    /// Centre of the transmitted frequencies, hertz.
     #[inline]
     pub fn centre_hz(&self) -> f64 {
         match *self {
@@ -28,8 +28,7 @@ impl Waveform {
         }
     }
 
-    /// Time of raw sample `k` after the pulse's start, seconds. All frequencies of an ideal waveform are
-    /// taken at once.
+    /// Time of raw sample `k` after the pulse's start, seconds. Samples of an ideal waveform are simultaneous.
     #[inline]
     pub fn sample_s(&self, k: usize) -> f64 {
         let k = k as f64;
@@ -45,7 +44,7 @@ impl Waveform {
         }
     }
 
-    /// Time of the middle sample, `count / 2`, whose geometry stands for the pulse's.
+    /// Time of the middle sample, `count / 2`, to which the pulse's geometry refers.
     #[inline]
     pub fn middle_s(&self) -> f64 {
         self.sample_s(self.num_samples() / 2)

@@ -1,4 +1,4 @@
-//! An antenna on a swinging arm.
+//! Antenna on a swinging arm.
 
 use std::f64::consts::PI;
 
@@ -6,35 +6,35 @@ use glam::{DQuat, DVec3};
 
 use crate::track::{Pose, Trajectory};
 
-/// A level arm that swings back and forth about a pivot at constant rate, the antenna at its end looking
+/// Level arm that swings back and forth about a pivot at constant angular rate, with the antenna at its end looking
 /// outwards: the body's x axis is along the arm.
 ///
-/// At `start_s` the arm is at `from_rad`, on its way to `to_rad`. It swings for all times; its velocity
-/// jumps where it turns back. Ends more than a turn apart are possible.
+/// At `start_s` the arm is at `from_rad`, moving towards `to_rad`. It swings at all times; its velocity jumps at both
+/// ends of the swing. The ends may be more than a turn apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
-    /// The pivot, at the antenna's height, metres.
+    /// Pivot, at the antenna's height, metres.
     pub pivot_m: DVec3,
     /// Length of the arm, metres.
     pub radius_m: f64,
     /// One end of the swing: angle from x towards y, radians.
     pub from_rad: f64,
-    /// The other end, radians; may be smaller.
+    /// Other end of the swing, radians; may be smaller.
     pub to_rad: f64,
-    /// Rate of the angle, radians a second; positive.
+    /// Angular rate, radians per second; positive.
     pub rate_rad_s: f64,
-    /// When the arm is at `from_rad`, seconds.
+    /// Time at which the arm is at `from_rad`, seconds.
     pub start_s: f64,
 }
 
 impl Arc {
-    /// The angle of the arm at a time, radians.
+    /// Angle of the arm at a time, radians.
     pub fn angle_rad(&self, time_s: f64) -> f64 {
         let swing = self.to_rad - self.from_rad;
         if swing == 0.0 {
             return self.from_rad;
         }
-        // There and back is one round; the second half runs backwards.
+        // One period is both directions; the second half runs backwards.
         let round = 2.0 * swing.abs();
         let gone = (self.rate_rad_s * (time_s - self.start_s)).rem_euclid(round);
         self.from_rad + gone.min(round - gone).copysign(swing)
@@ -43,7 +43,7 @@ impl Arc {
 
 impl Trajectory for Arc {
     fn pose(&self, time_s: f64) -> Pose {
-        // A quaternion has twice the period; the same arm is to give the same pose.
+        // A quaternion has twice the period; wrap, so that equal arm angles give equal poses.
         let angle = self.angle_rad(time_s).rem_euclid(2.0 * PI);
         let (sin, cos) = libm::sincos(angle);
         Pose {
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn the_arm_swings_between_its_ends_at_its_rate() {
+    fn arm_swings_between_its_ends_at_its_rate() {
         let angle = |t| arm().angle_rad(t);
         // 3 rad at 0.1 rad/s: 30 s one way.
         for (t, expected) in [
@@ -83,7 +83,7 @@ mod tests {
         ] {
             assert!((angle(t) - expected).abs() < 1e-12, "{t}");
         }
-        // Continuous at both turns.
+        // Continuous at both ends.
         for turn in [2.0, 32.0, 62.0] {
             assert!((angle(turn + 1e-6) - angle(turn - 1e-6)).abs() < 1e-12);
         }
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_antenna_looks_outwards_from_the_end_of_the_arm() {
+    fn antenna_looks_outwards_from_end_of_arm() {
         for i in 0..60 {
             let pose = arm().pose(f64::from(i));
             let outwards = pose.position_m - arm().pivot_m;

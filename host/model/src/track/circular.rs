@@ -1,4 +1,4 @@
-//! A level circle at constant speed.
+//! Level circle at constant speed.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -6,16 +6,16 @@ use glam::{DQuat, DVec3};
 
 use crate::track::{Pose, Trajectory};
 
-/// A level circle: `centre + radius (cos a, sin a, 0)` with `a = start_rad + rate_rad_s t`.
+/// Level circle: `centre + radius (cos a, sin a, 0)` with `a = start_rad + rate_rad_s t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circular {
-    /// The centre, at the track's height, metres.
+    /// Centre, at the track's height, metres.
     pub centre_m: DVec3,
-    /// The radius, metres.
+    /// Radius, metres.
     pub radius_m: f64,
     /// Angle from x towards y at time 0, radians.
     pub start_rad: f64,
-    /// Rate of the angle, radians a second; negative goes clockwise seen from above.
+    /// Angular rate, radians per second; negative for clockwise seen from above.
     pub rate_rad_s: f64,
 }
 
@@ -25,7 +25,7 @@ impl Trajectory for Circular {
         let (sin, cos) = libm::sincos(angle);
         Pose {
             position_m: self.centre_m + DVec3::new(cos, sin, 0.0) * self.radius_m,
-            // Along the tangent, the way it goes.
+            // Along the tangent, in the direction of motion.
             attitude: DQuat::from_rotation_z(angle + FRAC_PI_2.copysign(self.rate_rad_s)),
         }
     }
@@ -36,7 +36,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn radius_speed_and_heading_are_those_of_a_circle() {
+    fn circle_has_constant_radius_and_speed_and_tangential_heading() {
         for rate in [0.02, -0.05] {
             let track = Circular {
                 centre_m: DVec3::new(10.0, -20.0, 7000.0),

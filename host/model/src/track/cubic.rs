@@ -1,23 +1,23 @@
-//! The natural cubic spline: the smoothest curve through given values.
+//! Natural cubic spline.
 //!
-//! On the piece `t_n .. t_{n+1}` of length `h`, with `a = (t_{n+1} - t) / h`, `b = 1 - a`, values `y` and
-//! second derivatives `m`,
+//! On the segment `t_n .. t_{n+1}` of length `h`, with `a = (t_{n+1} - t) / h`, `b = 1 - a`, values `y` and second
+//! derivatives `m`,
 //!
 //! ```text
 //! y(t) = a y_n + b y_{n+1} + ((a^3 - a) m_n + (b^3 - b) m_{n+1}) h^2 / 6
 //! ```
 //!
-//! Continuity of the first derivative gives a tridiagonal system for `m`; `m = 0` at both ends. Outside, the
-//! curve goes on straight, which `m = 0` makes twice continuously differentiable there too. (A
-//! Catmull-Rom curve's second derivative jumps at every point: a chirp that changes in steps.)
+//! Continuity of the first derivative gives a tridiagonal system for `m`, with `m = 0` at both ends. Outside, the
+//! curve is straight, which because of `m = 0` is twice continuously differentiable there too. (The second derivative
+//! of a Catmull-Rom curve jumps at every point, which is a chirp rate that changes in steps.)
 //!
-//! Between points `h` apart the error is at most `5 / 384 h^4 max |y''''|` away from the ends; at an end
-//! where the truth has `y''`, it is `y'' h^2 / 8` at most and falls off by 3.7 a point inwards.
-//! Cost: a binary search and some 20 operations a value.
+//! Between points `h` apart the error is at most `5 / 384 h^4 max |y''''|` away from the ends. At an end with a true
+//! `y''` it is at most `y'' h^2 / 8`, and decreases inwards by a factor of 3.7 per point. Cost: a binary search and
+//! some 20 operations per value.
 
 use super::piece;
 
-/// A natural cubic spline through `N` values at each of ascending times.
+/// Natural cubic spline through `N` values at each of ascending times.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Cubic<const N: usize> {
     times: Vec<f64>,
@@ -26,7 +26,7 @@ pub(super) struct Cubic<const N: usize> {
 }
 
 impl<const N: usize> Cubic<N> {
-    /// Through `values` at `times`: as many, at least two, ascending.
+    /// Spline through `values` at `times`: equal numbers, at least two, ascending.
     pub(super) fn new(times: Vec<f64>, values: Vec<[f64; N]>) -> Self {
         let count = times.len();
         let mut second = vec![[0.0; N]; count];
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn it_passes_through_its_points_and_is_twice_continuously_differentiable() {
+    fn spline_interpolates_and_is_twice_continuously_differentiable() {
         let spline = uneven();
         for (n, (&t, y)) in spline.times.iter().zip(&spline.values).enumerate() {
             let y_at = |t| spline.at(t).0[0];
@@ -105,8 +105,8 @@ mod tests {
             let e = 1e-9;
             assert!((y_at(t + e) - y_at(t - e)).abs() < 1e-7);
             assert!((slope_at(t + e) - slope_at(t - e)).abs() < 1e-7);
-            // One-sided second derivatives from slopes over 1e-5: off by the third derivative (below 400)
-            // times 1e-5 / 2, and by roundings of 1e-14 / 1e-5.
+            // One-sided second derivatives from slopes over 1e-5: errors of the third derivative (below 400) times
+            // 1e-5 / 2, and roundings of 1e-14 / 1e-5.
             let h = 1e-5;
             let right = (slope_at(t + h) - slope_at(t)) / h;
             let left = (slope_at(t) - slope_at(t - h)) / h;
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_derivatives_of_values_outside_too() {
+    fn slopes_are_derivatives_of_values_inside_and_outside() {
         let spline = uneven();
         for i in -20..70 {
             let t = f64::from(i) * 0.1 + 0.03;
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_line_and_a_cubic_with_straight_ends_are_kept() {
+    fn straight_line_and_natural_cubic_are_reproduced() {
         let line = Cubic::new(vec![0.0, 1.0, 4.0], vec![[0.0], [2.0], [8.0]]);
         assert!((line.at(3.3).0[0] - 6.6).abs() < 1e-14);
         assert!((line.at(-3.0).0[0] + 6.0).abs() < 1e-14);

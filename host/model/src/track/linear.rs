@@ -1,18 +1,18 @@
-//! A straight line at constant speed.
+//! Straight line at constant speed.
 
 use glam::DVec3;
 
 use super::heading;
 use crate::track::{Pose, Trajectory};
 
-/// A straight line at constant speed, for all times.
+/// Straight line at constant speed, for all times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Linear {
-    /// Where it is at `at_s`, metres.
+    /// Position at `at_s`, metres.
     pub position_m: DVec3,
-    /// Its velocity, metres a second.
+    /// Velocity, metres per second.
     pub velocity_m_s: DVec3,
-    /// When it is there, seconds.
+    /// Time of `position_m`, seconds.
     pub at_s: f64,
 }
 
@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_goes_where_its_velocity_says() {
+    fn linear_track_follows_its_velocity() {
         let track = Linear {
             position_m: DVec3::new(1.0, 2.0, 3.0),
             velocity_m_s: DVec3::new(0.0, 50.0, 0.0),

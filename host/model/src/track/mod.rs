@@ -1,4 +1,4 @@
-//! How radars and targets move: tracks as functions of time.
+//! Trajectories of radars and targets as functions of time.
 //!
 //! | track | position | velocity |
 //! |---|---|---|
@@ -7,14 +7,13 @@
 //! | [`Profile`] | once continuously differentiable | continuous |
 //! | [`Waypoints`], [`Rail`], [`Arc`] | continuous | jumps at waypoints, ends and turns |
 //!
-//! All are continuous: a jump of position would be a jump of the echo's phase, `4 pi / lambda` radians a metre,
-//! that no real track has. Every pose is a function of time alone, so it can be asked for at any time, in
-//! any order and from any thread. Accuracy far from the start is that of float64: a microsecond of
-//! time is resolved up to 1e9 s.
+//! All are continuous: a jump of position would be a phase jump of the echo by `4 pi / lambda` radians per metre,
+//! which no real track has. A pose is a function of time alone, so it can be evaluated at any time, in any order and
+//! from any thread. Accuracy far from the start is that of float64: a microsecond is resolved up to 1e9 s.
 //!
-//! By default a body heads along its velocity: its x axis follows the velocity, its y axis
-//! stays level ([`heading`]). Angles of roll, pitch and yaw are right-handed about x, y and z of the body
-//! ([`turned`]); as y is left, positive pitch is nose down.
+//! By default a body's heading is along its velocity: the x axis follows the velocity, and the y axis stays level
+//! ([`heading`]). Roll, pitch and yaw are right-handed about x, y and z of the body ([`turned`]); since y is left,
+//! positive pitch is nose down.
 
 mod arc;
 mod body;
@@ -49,32 +48,33 @@ pub use waypoints::Waypoints;
 #[error("track: {0}")]
 pub struct TrackError(pub String);
 
-/// The attitude of a body that flies along a velocity without roll: x along it, y level. Of a body that
-/// goes straight up or down, y is along the scene's; of one that stands, the attitude is the scene's axes.
+/// Attitude of a body that moves along a velocity without roll: x along the velocity, y level. For vertical motion y
+/// is along the scene's y axis; for a body at rest the attitude is the scene's axes.
 #[inline]
 pub fn heading(velocity: DVec3) -> DQuat {
     let pitch = -libm::atan2(velocity.z, libm::hypot(velocity.x, velocity.y));
     turned(0.0, pitch, libm::atan2(velocity.y, velocity.x))
 }
 
-/// The attitude after a turn by yaw about z, then pitch about the new y, then roll about the new x, radians,
-/// each right-handed.
+/// Attitude after rotation by yaw about z, then pitch about the new y, then roll about the new x, radians, each
+/// right-handed.
 #[inline]
 pub fn turned(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, yaw_rad, pitch_rad, roll_rad)
 }
 
-/// Largest time, seconds, and coordinate, metres: squares of these are far from overflow.
+/// Maximum time in seconds and coordinate in metres; squares of these are far from overflow.
 const LARGEST: f64 = 1e15;
 
-/// Least time between points, seconds: light goes 30 cm in it.
+/// Minimum time between points, seconds: that of light over 30 cm.
 const MIN_STEP_S: f64 = 1e-9;
 
-/// Checks that times are finite and ascend by [`MIN_STEP_S`] or more, that positions are finite, as many, at least two, and that no light is faster.
+/// Check that times are finite and ascend by at least [`MIN_STEP_S`], that positions are finite and as many as times
+/// (at least two), and that no speed exceeds that of light.
 fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError> {
     if times_s.len() != positions_m.len() || times_s.len() < 2 {
         return Err(TrackError(format!(
-            "{} times and {} positions; give as many of one as of the other, at least two",
+            "{} times and {} positions: expected equal numbers, at least two",
             times_s.len(),
             positions_m.len()
         )));
@@ -84,7 +84,7 @@ fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError>
     };
     if let Some(n) = times_s.iter().zip(positions_m).position(|x| !finite(x)) {
         return Err(TrackError(format!(
-            "point {} is at {:e} s, {} m; all have to be finite and at most {LARGEST:e}",
+            "point {} is at {:e} s, {} m: expected finite values of at most {LARGEST:e}",
             n + 1,
             times_s[n],
             positions_m[n]
@@ -92,7 +92,7 @@ fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError>
     }
     match times_s.windows(2).position(|t| t[1] <= t[0]) {
         Some(n) => Err(TrackError(format!(
-            "point {} is at {} s, but the one before it at {} s; times have to ascend",
+            "point {} is at {} s, but the previous one at {} s: expected ascending times",
             n + 2,
             times_s[n + 1],
             times_s[n]
@@ -121,7 +121,7 @@ fn check_speeds(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError
     }
 }
 
-/// The piece `n .. n + 1` of ascending `times_s` (two at least) that a time lies in, or the first or last one.
+/// Segment `n .. n + 1` of ascending `times_s` (at least two) that contains a time, or the first or last one.
 fn piece(times_s: &[f64], time_s: f64) -> usize {
     times_s
         .partition_point(|&t| t <= time_s)
@@ -135,7 +135,7 @@ mod tests {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 
     #[test]
-    fn headings_follow_velocities_with_the_wings_level() {
+    fn heading_follows_velocity_with_level_wings() {
         for velocity in [
             DVec3::new(3.0, 4.0, 0.0),
             DVec3::new(-3.0, 0.1, 2.0),
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_are_right_handed_and_pitch_lowers_the_nose() {
+    fn rotations_are_right_handed_and_pitch_lowers_nose() {
         let nose = |r, p, y| turned(r, p, y) * DVec3::X;
         assert!(nose(1.0, 0.0, FRAC_PI_2).distance(DVec3::Y) < 1e-15);
         assert!((nose(0.0, FRAC_PI_6, 0.0).z + 0.5).abs() < 1e-15);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn knots_that_do_not_make_a_track_are_refused() {
+    fn invalid_knots_are_refused() {
         let p = |n| vec![DVec3::ONE; n];
         let message = |t: &[f64], p: &[DVec3]| check_knots(t, p).unwrap_err().to_string();
         assert!(message(&[0.0], &p(1)).contains("at least two"));

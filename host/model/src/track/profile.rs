@@ -1,17 +1,17 @@
-//! Motion by pieces of constant acceleration.
+//! Motion in segments of constant acceleration.
 
 use glam::DVec3;
 
 use super::{TrackError, heading};
 use crate::track::{Pose, Trajectory};
 
-/// Pieces of constant acceleration, one after another; constant velocity before and after. Position and
-/// velocity are continuous. It heads where it goes.
+/// Consecutive segments of constant acceleration, with constant velocity before and after. Position and velocity are
+/// continuous. The heading is along the velocity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// Where each piece begins; the last is the motion after all of them.
+    /// Start of each segment; the last entry is the motion after all of them.
     pieces: Vec<Piece>,
-    /// Velocity before the first.
+    /// Velocity before the first segment.
     before_m_s: DVec3,
 }
 
@@ -24,8 +24,8 @@ struct Piece {
 }
 
 impl Profile {
-    /// At `start_s` it is at `position_m` with `velocity_m_s`; then each of `pieces` (duration in seconds,
-    /// acceleration in metres a second squared) follows.
+    /// Create a profile that is at `position_m` with `velocity_m_s` at `start_s`, followed by each of `pieces`
+    /// (duration in seconds, acceleration in metres per second squared).
     ///
     /// # Errors
     /// [`TrackError`] for a duration that is not positive, or a value that is not finite.
@@ -37,7 +37,7 @@ impl Profile {
     ) -> Result<Self, TrackError> {
         if !(start_s.is_finite() && position_m.is_finite() && velocity_m_s.is_finite()) {
             return Err(TrackError(format!(
-                "a profile starts at {start_s} s, {position_m} m, {velocity_m_s} m/s; give finite values"
+                "profile start at {start_s} s, {position_m} m, {velocity_m_s} m/s: expected finite values"
             )));
         }
         let mut now = Piece {
@@ -50,7 +50,7 @@ impl Profile {
         for (n, &(duration_s, acceleration_m_s2)) in pieces.iter().enumerate() {
             if !(duration_s > 0.0 && duration_s.is_finite() && acceleration_m_s2.is_finite()) {
                 return Err(TrackError(format!(
-                    "piece {} of a profile lasts {duration_s} s at {acceleration_m_s2} m/s^2; give a \
+                    "segment {} of a profile lasts {duration_s} s at {acceleration_m_s2} m/s^2: give a \
                      positive duration and a finite acceleration",
                     n + 1
                 )));
@@ -108,8 +108,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_car_brakes_and_starts_again() {
-        // 20 m/s along x, braked by 4 m/s^2 for 5 s (50 m, stands), then 2 m/s^2 along y for 3 s (9 m, 6 m/s).
+    fn car_brakes_and_starts_again() {
+        // 20 m/s along x, braked by 4 m/s^2 for 5 s (50 m, then at rest), then 2 m/s^2 along y for 3 s (9 m, 6 m/s).
         let car = Profile::new(
             1.0,
             DVec3::ZERO,
@@ -132,7 +132,7 @@ mod tests {
         ] {
             assert!(at(t).distance(DVec3::new(x, y, 0.0)) < 1e-13, "{t}");
         }
-        // Velocity is continuous: on both sides of a joint it differs by acceleration times 1e-4 s.
+        // Velocity is continuous: on both sides of a joint it differs by the acceleration times 1e-4 s.
         for joint in [1.0, 6.0, 9.0] {
             let h = 1e-4;
             let jump = (at(joint + h) - at(joint)) / h - (at(joint) - at(joint - h)) / h;
@@ -141,10 +141,10 @@ mod tests {
     }
 
     #[test]
-    fn bad_pieces_are_refused() {
+    fn invalid_segments_are_refused() {
         let new = |pieces| Profile::new(0.0, DVec3::ZERO, DVec3::X, pieces);
         let error = new(&[(1.0, DVec3::X), (0.0, DVec3::X)]).unwrap_err();
-        assert!(error.to_string().contains("piece 2"));
+        assert!(error.to_string().contains("segment 2"));
         assert!(new(&[(1.0, DVec3::NAN)]).is_err());
         assert!(Profile::new(f64::NAN, DVec3::ZERO, DVec3::X, &[]).is_err());
     }

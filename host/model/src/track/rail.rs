@@ -1,22 +1,22 @@
-//! A carriage on a rail.
+//! Carriage on a rail.
 
 use glam::DVec3;
 
 use super::heading;
 use crate::track::{Pose, Trajectory};
 
-/// A carriage that waits at one end of a rail, goes to the other at constant speed, and stops there.
+/// Carriage that waits at one end of a rail, moves to the other at constant speed, and stops there.
 ///
-/// It always looks along the rail. Its velocity jumps at both ends.
+/// Its heading is always along the rail. Its velocity jumps at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rail {
-    /// Where it starts, metres.
+    /// Start of the rail, metres.
     pub from_m: DVec3,
-    /// Where it stops, metres.
+    /// End of the rail, metres.
     pub to_m: DVec3,
-    /// Its speed, metres a second; positive.
+    /// Speed, metres per second; positive.
     pub speed_m_s: f64,
-    /// When it starts, seconds.
+    /// Start time, seconds.
     pub start_s: f64,
 }
 
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_waits_goes_and_stops() {
+    fn carriage_waits_moves_and_stops() {
         let rail = Rail {
             from_m: DVec3::new(1.0, 0.0, 2.0),
             to_m: DVec3::new(1.0, 3.0, 6.0),
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rail_without_length_is_a_place() {
+    fn rail_without_length_is_at_rest() {
         let rail = Rail {
             from_m: DVec3::ONE,
             to_m: DVec3::ONE,

@@ -1,4 +1,4 @@
-//! A recorded track: positions, and attitudes if they were recorded, at given times.
+//! Recorded track: positions, and attitudes if recorded, at given times.
 
 use glam::{DQuat, DVec3};
 
@@ -6,53 +6,53 @@ use super::cubic::Cubic;
 use super::{Spline, TrackError, strays};
 use crate::track::{Pose, Trajectory};
 
-/// A moment of a recorded track.
+/// Position and attitude of a recorded track at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
-    /// When, seconds from the collection's start.
+    /// Time, seconds from the collection's start.
     pub time_s: f64,
-    /// Where, metres in the scene frame.
+    /// Position, metres in the scene frame.
     pub position_m: DVec3,
-    /// How it was turned, if known.
+    /// Attitude, if known.
     pub attitude: Option<DQuat>,
 }
 
-/// A smooth curve through a recorded track's fixes.
+/// Smooth curve through the fixes of a recorded track.
 ///
-/// Positions are a [`Spline`]. Attitudes, if every fix has one, are natural cubic splines of the quaternion's
-/// four parts, brought to unit length, so that an antenna away from the body's origin moves smoothly
-/// too; before the first fix and after the last they stay. Otherwise it heads where it goes.
+/// Positions are a [`Spline`]. Attitudes, if every fix has one, are natural cubic splines of the quaternion
+/// components, normalised to unit length, so that an antenna away from the body's origin moves smoothly as well; they
+/// are constant before the first and after the last fix. Without attitudes the heading is along the velocity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledTrack {
-    way: Spline,
+    position: Spline,
     attitude: Option<Cubic<4>>,
 }
 
 impl SampledTrack {
-    /// A track through `fixes`, whose times ascend.
+    /// Track through `fixes` with ascending times.
     ///
     /// # Errors
     /// [`TrackError`] for fewer than two fixes, times that do not ascend, values that are not finite, positions that
-    /// jump away and back as no vehicle does ([`strays`]), attitudes that only some have, or that turn by more than
-    /// 90 degrees from one to the next.
+    /// jump away and back as no vehicle does ([`strays`]), and attitudes that only some fixes have or that rotate by
+    /// more than 90 degrees from one fix to the next.
     pub fn new(fixes: &[Fix]) -> Result<Self, TrackError> {
         Self::with_gaps(fixes, f64::INFINITY)
     }
 
-    /// As [`Self::new`]; the attitude may turn by more than 90 degrees from one fix to the next where they are more than `longest_s` apart. The track is
-    /// not known in such a gap.
+    /// Like [`Self::new`], but the attitude may rotate by more than 90 degrees between fixes more than `longest_s`
+    /// apart. The track is unknown in such a gap.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn with_gaps(fixes: &[Fix], longest_s: f64) -> Result<Self, TrackError> {
         let times: Vec<f64> = fixes.iter().map(|f| f.time_s).collect();
         let positions: Vec<DVec3> = fixes.iter().map(|f| f.position_m).collect();
-        let way = Spline::new(times.clone(), &positions)?;
+        let position = Spline::new(times.clone(), &positions)?;
         check_strays(&times, &positions)?;
         let attitudes: Vec<DQuat> = fixes.iter().filter_map(|f| f.attitude).collect();
         if attitudes.is_empty() {
             return Ok(Self {
-                way,
+                position,
                 attitude: None,
             });
         }
@@ -65,12 +65,12 @@ impl SampledTrack {
         }
         if let Some(n) = attitudes.iter().position(|q| !q.is_normalized()) {
             return Err(TrackError(format!(
-                "the attitude of fix {} is {}; it has to be of unit length",
+                "the attitude of fix {} is {}: expected unit length",
                 n + 1,
                 attitudes[n]
             )));
         }
-        // A quaternion and its negative are the same attitude; the nearer one makes the shorter way.
+        // A quaternion and its negative are the same attitude; choose the nearer one.
         let mut parts: Vec<[f64; 4]> = Vec::with_capacity(attitudes.len());
         let mut previous = attitudes[0];
         for (n, &attitude) in attitudes.iter().enumerate() {
@@ -79,16 +79,16 @@ impl SampledTrack {
             } else {
                 attitude
             };
-            // The turn's half-angle has this cosine.
+            // Cosine of half the rotation angle.
             let gap = n > 0 && times[n] - times[n - 1] > longest_s;
             if near.dot(previous) < std::f64::consts::FRAC_1_SQRT_2 && !gap {
                 let step_s = times[n] - times[n - 1];
                 let advice = match step_s < SOON_S {
-                    true => "no vehicle turns so fast: leave out or correct one of them",
+                    true => "no vehicle rotates so fast: leave out or correct one of them",
                     false => "give fixes closer in time",
                 };
                 return Err(TrackError(format!(
-                    "the attitude turns by more than 90 degrees from fix {n} to fix {} ({} s, {step_s:e} s later); {advice}",
+                    "the attitude rotates by more than 90 degrees from fix {n} to fix {} ({} s, {step_s:e} s later); {advice}",
                     n + 1,
                     times[n]
                 )));
@@ -97,13 +97,13 @@ impl SampledTrack {
             previous = near;
         }
         Ok(Self {
-            way,
+            position,
             attitude: Some(Cubic::new(times, parts)),
         })
     }
 }
 
-/// Time in which no vehicle turns by 90 degrees, seconds.
+/// Time in which no vehicle rotates by 90 degrees, seconds.
 const SOON_S: f64 = 0.1;
 
 /// Step up to which no position jumps, metres.
@@ -118,7 +118,7 @@ fn check_strays(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError
     let (n, place) = (first.start, positions_m[first.start]);
     let beside = positions_m[if n > 0 { n - 1 } else { first.end }];
     Err(TrackError(format!(
-        "{count} of {} fixes are where no vehicle can be: fix {} ({} s) is at {:.1}, {:.1}, {:.1} m, {:.1} m from the one beside it, and the track goes on \
+        "{count} of {} fixes have positions that no vehicle can have: fix {} ({} s) is at {:.1}, {:.1}, {:.1} m, {:.1} m from its neighbour, and the track continues \
          where it was; leave out or correct {}",
         positions_m.len(),
         n + 1,
@@ -133,7 +133,7 @@ fn check_strays(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError
 
 impl Trajectory for SampledTrack {
     fn pose(&self, time_s: f64) -> Pose {
-        let mut pose = self.way.pose(time_s);
+        let mut pose = self.position.pose(time_s);
         if let Some(attitude) = &self.attitude {
             let (first, last) = attitude.span();
             let (parts, _) = attitude.at(time_s.clamp(first, last));
@@ -155,7 +155,7 @@ mod tests {
     fn fixes(count: u32) -> Vec<Fix> {
         let fix = |i| {
             let time_s = f64::from(i) * 0.25;
-            // Every other quaternion is written with the other sign.
+            // Every other quaternion has the opposite sign.
             let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
             Fix {
                 time_s,
@@ -167,13 +167,13 @@ mod tests {
     }
 
     #[test]
-    fn attitudes_are_followed_between_fixes_whatever_their_sign() {
+    fn attitudes_are_interpolated_independent_of_quaternion_sign() {
         let track = SampledTrack::new(&fixes(101)).unwrap();
         for i in 0..200 {
             let t = 5.0 + f64::from(i) * 0.07;
             let apart = track.pose(t).attitude.angle_between(rolling(t));
-            // Parts turn at 0.3 rad/s at most, half of it in the quaternion: fourth derivatives below
-            // 1e-2 / s^4, 5 / 384 of that by 0.25^4 is 5e-7. (angle_between itself is good to 1e-7.)
+            // Components change by at most 0.3 rad/s, half of it in the quaternion: fourth derivatives are below 1e-2
+            // / s^4, and 5 / 384 of that times 0.25^4 is 5e-7. (angle_between is accurate to 1e-7.)
             assert!(apart < 2e-6, "{apart}");
         }
         let end = track.pose(1e3);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn without_attitudes_it_heads_where_it_goes() {
+    fn heading_follows_velocity_without_attitudes() {
         let mut fixes = fixes(5);
         fixes.iter_mut().for_each(|f| f.attitude = None);
         let track = SampledTrack::new(&fixes).unwrap();
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_where_no_vehicle_can_be_are_refused_by_number() {
+    fn impossible_positions_are_refused_by_number() {
         let mut fixes = fixes(40);
         fixes[12].position_m = DVec3::ZERO;
         let error = SampledTrack::new(&fixes).unwrap_err().to_string();
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn attitudes_that_cannot_be_followed_are_refused() {
+    fn attitudes_that_cannot_be_interpolated_are_refused() {
         let message = |fixes: &[Fix]| SampledTrack::new(fixes).unwrap_err().to_string();
         let mut some = fixes(4);
         some[2].attitude = None;
@@ -220,7 +220,7 @@ mod tests {
             fix.time_s *= 0.01;
         }
         swapped[2].attitude = wild[2].attitude;
-        assert!(message(&swapped).contains("no vehicle turns so fast"));
+        assert!(message(&swapped).contains("no vehicle rotates so fast"));
         let mut long = fixes(4);
         long[1].attitude = Some(rolling(0.0) * 1.5);
         assert!(message(&long).contains("unit length"));

@@ -1,4 +1,4 @@
-//! A smooth curve through points passed at given times.
+//! Smooth curve through points passed at given times.
 
 use glam::DVec3;
 
@@ -6,18 +6,18 @@ use super::cubic::Cubic;
 use super::{TrackError, check_knots, heading};
 use crate::track::{Pose, Trajectory};
 
-/// A smooth curve through points that are passed at given times: a natural cubic spline, whose
-/// acceleration is continuous, straight on before and after. It heads where it goes.
+/// Smooth curve through points passed at given times: a natural cubic spline with continuous acceleration, straight
+/// before and after. The heading is along the velocity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spline {
     curve: Cubic<3>,
 }
 
 impl Spline {
-    /// A track through `positions_m` at `times_s`, which ascend.
+    /// Track through `positions_m` at ascending `times_s`.
     ///
     /// # Errors
-    /// [`TrackError`] if there are fewer than two points, or they do not go with the times.
+    /// [`TrackError`] if there are fewer than two points, or their number or times are invalid.
     pub fn new(times_s: Vec<f64>, positions_m: &[DVec3]) -> Result<Self, TrackError> {
         check_knots(&times_s, positions_m)?;
         let values = positions_m.iter().map(DVec3::to_array).collect();
@@ -26,7 +26,7 @@ impl Spline {
         })
     }
 
-    /// Position, metres, and velocity, metres a second.
+    /// Position in metres and velocity in metres per second.
     pub fn at(&self, time_s: f64) -> (DVec3, DVec3) {
         let (position, velocity) = self.curve.at(time_s);
         (position.into(), velocity.into())
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_circle_sampled_finely_is_followed() {
+    fn finely_sampled_circle_is_followed() {
         let (radius, rate) = (100.0, 0.1);
         let circle = |t: f64| DVec3::new((rate * t).cos(), (rate * t).sin(), 0.5) * radius;
         let times: Vec<f64> = (0..101).map(f64::from).collect();
@@ -57,7 +57,7 @@ mod tests {
         for i in 0..100 {
             let t = 20.37 + f64::from(i) * 0.6;
             let (position, velocity) = track.at(t);
-            // 5 / 384 r w^4 in each of two axes: 1.9e-4 m; the ends' 0.125 m has fallen by 3.7^20.
+            // 5 / 384 r w^4 in each of two axes: 1.9e-4 m; the error of 0.125 m at the ends has decreased by 3.7^20.
             assert!(position.distance(circle(t)) < 1.9e-4);
             let nose = track.pose(t).attitude * DVec3::X;
             assert!(nose.distance(velocity.normalize()) < 1e-14);

@@ -1,53 +1,56 @@
 //! Detection of stray positions: jumps there and back, and zeros that stand for an unknown position.
 //!
-//! **Speed.** Steps `d_n` from position to position take `dt_n` seconds (one where no time is known; the median where it
-//! is less than [`SHORTEST`] of that, as of antennas that receive at once). A step is a jump if it is longer than a floor and its speed exceeds [`FASTER`] times the upper quartile of all speeds. The quartile follows the
-//! track's usual speed: uneven pulses, stop-and-go motion, a swinging hand and alternating antennas raise it, and their steps are no jumps.
+//! **Speed.** Steps `d_n` from position to position take `dt_n` seconds (one without times; the median if less than
+//! [`SHORTEST`] of it, as for antennas that receive simultaneously). A step is a jump if it is longer than a floor
+//! and its speed exceeds [`FASTER`] times the upper quartile of all speeds. The quartile follows the track's usual
+//! speed: uneven pulses, stop-and-go motion, a swinging hand and alternating antennas raise it, so that their steps
+//! are not jumps.
 //!
-//! **There and back.** Positions between two jumps are strays if the track goes on where it was: from the position before to that after it is less than
-//! [`BACK`] of either jump. A jump without return is a new segment of a joined track. At most [`MOST`] of all positions in a row are strays.
+//! **There and back.** Positions between two jumps are strays if the track continues where it was: the distance from
+//! the position before to that after is less than [`BACK`] of either jump. A jump without return is a new segment of
+//! a joined track. At most [`MOST`] of all positions in a row are strays.
 //!
-//! **Ends.** The first or the last position alone is a stray if the jump to it would take more than [`MAX_M_S2`].
+//! **Ends.** A single first or last position is a stray if the jump to it would require more than [`MAX_M_S2`].
 //!
-//! **Zeros.** Runs of positions that are exactly zero are strays, less than half of all, if the steps to them and from them are [`FASTER`] times as long as
-//! the median of those between other positions that differ.
+//! **Zeros.** Runs of positions that are exactly zero are strays if they are less than half of all positions and the
+//! steps to and from them are [`FASTER`] times the median of the steps between other positions that differ.
 //!
-//! **Antennas.** A stray's offset may be that of another antenna, used now and then. [`ALIKE`] offsets or more, all of one length to a fifth and within
-//! [`ARRAY_M`], are no strays.
+//! **Antennas.** The offset of a stray may be that of another antenna that is used occasionally. [`ALIKE`] or more
+//! offsets of equal length within a fifth and at most [`ARRAY_M`] are not strays.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-/// Speed over the upper quartile of all, from which a step may be a jump.
+/// Minimum speed of a jump relative to the upper quartile of all speeds.
 const FASTER: f64 = 20.0;
 
 /// Largest ratio of the net displacement across a pair of jumps to the length of either jump.
 const BACK: f64 = 0.25;
 
-/// Part of all positions that may be strays in a row, and in all.
+/// Maximum fraction of positions that may be strays, in a row and in total.
 const MOST: f64 = 1.0 / 8.0;
 
-/// Fewest positions from which strays can be detected.
+/// Minimum number of positions for the detection.
 const FEWEST: usize = 8;
 
-/// Time of a step over the median below which two positions are of one moment.
+/// Minimum time of a step relative to the median; positions with less between them are simultaneous.
 const SHORTEST: f64 = 1e-3;
 
-/// Greatest acceleration of anything that carries a radar: 100 times that of gravity, m/s^2.
+/// Maximum acceleration of a radar carrier: 100 times that of gravity, m/s^2.
 const MAX_M_S2: f64 = 1000.0;
 
-/// So many offsets that are alike are an antenna's.
+/// Minimum number of equal offsets that are an antenna's.
 const ALIKE: usize = 3;
 
-/// Longest offset between antennas that take turns, metres.
+/// Maximum offset between alternating antennas, metres.
 const ARRAY_M: f64 = 100.0;
 
-/// Positions that are strays, as runs in ascending order.
+/// Positions that are strays, as ascending ranges.
 ///
-/// `floor_m` is the length up to which no step is a jump. Times may be equal or descend where pulses of several antennas or channels follow one
-/// another. Positions that are not finite make none. Empty, too, where more than an eighth of all positions (half, of zeros) would be strays: then it is
-/// not known which ones are.
+/// `floor_m` is the length up to which no step is a jump. Times may be equal or descend where pulses of several
+/// antennas or channels follow one another. Positions that are not finite are not strays. Empty if more than an
+/// eighth of all positions (for zeros: half) would be strays, since it is then unclear which ones are.
 pub fn strays(times_s: Option<&[f64]>, positions_m: &[DVec3], floor_m: f64) -> Vec<Range<usize>> {
     let count = positions_m.len();
     let sound = positions_m.iter().all(|place| place.is_finite());
@@ -71,7 +74,7 @@ pub fn strays(times_s: Option<&[f64]>, positions_m: &[DVec3], floor_m: f64) -> V
     joined(runs)
 }
 
-/// Runs in order, those that overlap or touch as one.
+/// Ranges in ascending order, with overlapping or adjacent ones merged.
 pub(crate) fn joined(mut runs: Vec<Range<usize>>) -> Vec<Range<usize>> {
     runs.sort_by_key(|run| run.start);
     let mut all: Vec<Range<usize>> = Vec::new();
@@ -84,7 +87,7 @@ pub(crate) fn joined(mut runs: Vec<Range<usize>>) -> Vec<Range<usize>> {
     all
 }
 
-/// Whether runs lie off the track by one length, as of another antenna.
+/// Whether the offsets from the track have equal lengths, as for another antenna.
 fn alike(runs: &[Range<usize>], positions_m: &[DVec3]) -> bool {
     let offset = |run: &Range<usize>| {
         let beside = run.start.checked_sub(1).unwrap_or(run.end);
@@ -104,12 +107,12 @@ struct Steps {
     times_s: Vec<f64>,
     timed: bool,
     floor_m: f64,
-    /// Steps that are jumps, ascending.
+    /// Indices of steps that are jumps, ascending.
     jumps: Vec<usize>,
 }
 
 impl Steps {
-    /// `None` where nothing moves.
+    /// `None` if all positions are equal.
     fn of(times_s: Option<&[f64]>, positions_m: &[DVec3], floor_m: f64) -> Option<Self> {
         let pairs = positions_m.windows(2);
         let lengths_m: Vec<f64> = pairs.map(|pair| pair[0].distance(pair[1])).collect();
@@ -173,7 +176,7 @@ impl Steps {
         runs
     }
 
-    /// A first or last position alone.
+    /// Strays at the first or last position.
     fn ends(&self, count: usize) -> Vec<Range<usize>> {
         let last = count - 2;
         let stray = |step: usize, next: usize| {
@@ -205,7 +208,8 @@ impl Steps {
         if 2 * many >= count {
             return Vec::new();
         }
-        // Many zeros raise the usual speed, so that steps count here: the median of those between positions that are known and differ.
+        // Many zeros raise the usual speed, so steps are compared instead: the median of those between known
+        // positions that differ.
         let other = |n: &usize| !zero(*n) && !zero(*n + 1) && self.lengths_m[*n] > 0.0;
         let others = (0..count - 1).filter(other).map(|n| self.lengths_m[n]);
         let mut others: Vec<f64> = others.collect();
@@ -223,12 +227,12 @@ impl Steps {
 }
 
 #[cfg(test)]
-// A run of strays is a range of its own.
+// A run of strays is a range.
 #[allow(clippy::single_range_in_vec_init)]
 mod tests {
     use super::*;
 
-    /// A straight track with a little noise: metres a step, step count.
+    /// Straight track with a little noise, from metres per step and number of steps.
     fn line(step_m: f64, count: usize) -> Vec<DVec3> {
         let at = |n: usize| {
             let noise = ((n * 7919) % 101) as f64 / 101.0 - 0.5;
@@ -242,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn lone_strays_are_found_wherever_they_are() {
+    fn single_strays_are_detected_at_any_position() {
         for (step_m, step_s, off_m) in
             [(2.5, 3e-4, 5000.0), (0.02, 0.01, 3.0), (0.5, 0.005, 5000.0)]
         {
@@ -261,14 +265,14 @@ mod tests {
     }
 
     #[test]
-    fn runs_of_strays_and_zeros_are_found() {
+    fn runs_of_strays_and_zeros_are_detected() {
         let times = times(0.01, 100);
         let mut track = line(0.2, 100);
         for place in &mut track[20..26] {
             place.z += 800.0;
         }
         assert_eq!(strays(Some(&times), &track, 1.0), [20..26]);
-        // Of garbage each place jumps to another.
+        // Random positions: each jumps to the next.
         for (n, place) in track[20..26].iter_mut().enumerate() {
             *place = DVec3::new(1e5 * (n as f64 - 2.0), 3e4 * n as f64, -7e4);
         }
@@ -290,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn tracks_that_vehicles_make_have_no_strays() {
+    fn vehicle_tracks_have_no_strays() {
         let none = |times: Option<&[f64]>, track: &[DVec3], what: &str| {
             assert_eq!(strays(times, track, 1.0), [], "{what}");
         };
@@ -299,7 +303,7 @@ mod tests {
             none(Some(&times(step_s, 500)), &line(step_m, 500), "straight");
             none(None, &line(step_m, 500), "straight, without times");
         }
-        // An arc, closed.
+        // Closed circle.
         let arc: Vec<DVec3> = (0..360)
             .map(|n| (f64::from(n)).to_radians().sin_cos())
             .map(|(s, c)| DVec3::new(500.0 * c, 500.0 * s, 100.0))
@@ -316,7 +320,7 @@ mod tests {
             &back,
             "stop and go through the origin",
         );
-        // A hand that swings, and rests most of the time.
+        // Hand that swings, and rests most of the time.
         let hand: Vec<DVec3> = (0..1000)
             .map(|n| match n % 200 {
                 n @ 0..40 => DVec3::Y * 1.5 * (f64::from(n) / 40.0 * std::f64::consts::TAU).sin(),
@@ -324,7 +328,7 @@ mod tests {
             })
             .collect();
         none(Some(&times(0.02, 1000)), &hand, "hand");
-        // Uneven pulses: a lone one far off, on a way there and back.
+        // Uneven pulses: a single distant one on a forth-and-back track.
         let mut uneven = line(0.1, 100);
         let mut at_s = times(0.01, 100);
         uneven[50] = DVec3::new(25.0, 1010.0, 500.0);
@@ -335,17 +339,17 @@ mod tests {
             *time += 3.0;
         }
         none(Some(&at_s), &uneven, "uneven");
-        // Segments 2 km apart, joined; there and back in equal parts.
+        // Joined segments 2 km apart; forth and back in equal parts.
         let mut joined = line(0.5, 120);
         for place in &mut joined[40..80] {
             place.z += 2000.0;
         }
         none(Some(&times(0.01, 120)), &joined, "segments");
-        // Channels after each other: times fall back.
+        // Channels one after another: times decrease.
         let channels = [line(0.5, 60), line(0.5, 60)].concat();
         let twice = [times(0.01, 60), times(0.01, 60)].concat();
         none(Some(&twice), &channels, "channels");
-        // Two antennas in turn at one time, 3 m apart; and one of sixteen.
+        // Two alternating antennas at the same time, 3 m apart; and one of sixteen.
         for every in [2, 16] {
             let mut turns = line(0.001, 160);
             for place in turns.iter_mut().step_by(every) {

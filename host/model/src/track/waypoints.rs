@@ -1,27 +1,28 @@
-//! Straight pieces between points passed at given times.
+//! Straight segments between points passed at given times.
 
 use glam::DVec3;
 
 use super::{TrackError, check_knots, heading, piece};
 use crate::track::{Pose, Trajectory};
 
-/// Straight pieces between points that are passed at given times, for all times: before the first point and
-/// after the last the body goes on as on the first and the last piece.
+/// Straight segments between points passed at given times. Before the first point and after the last, the motion of
+/// the first and last segment continues.
 ///
-/// Velocity and heading jump at the points. While it waits (two equal points), it keeps its last heading.
+/// Velocity and heading jump at the points. While the body waits (two equal points), it keeps its last heading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Waypoints {
     times_s: Vec<f64>,
     positions_m: Vec<DVec3>,
-    /// A piece's velocity for its heading: its own, or of the nearest piece before it that moves.
+    /// Velocity that determines the heading on a segment: its own, or that of the nearest earlier segment with
+    /// motion.
     courses: Vec<DVec3>,
 }
 
 impl Waypoints {
-    /// A track through `positions_m` at `times_s`, which ascend.
+    /// Track through `positions_m` at ascending `times_s`.
     ///
     /// # Errors
-    /// [`TrackError`] if there are fewer than two points, or they do not go with the times.
+    /// [`TrackError`] if there are fewer than two points, or their number or times are invalid.
     pub fn new(times_s: Vec<f64>, positions_m: Vec<DVec3>) -> Result<Self, TrackError> {
         check_knots(&times_s, &positions_m)?;
         let mut course = DVec3::ZERO;
@@ -59,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_passes_its_points_waits_and_goes_on() {
+    fn track_passes_its_points_waits_and_continues() {
         let p = [(0.0, 0.0), (10.0, 0.0), (10.0, 0.0), (10.0, 6.0)];
         let positions: Vec<DVec3> = p.iter().map(|&(x, y)| DVec3::new(x, y, 1.0)).collect();
         let times = vec![0.0, 5.0, 7.0, 9.0];

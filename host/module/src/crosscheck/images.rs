@@ -21,7 +21,7 @@ use subaperture_focus::{FormError, ImageFormer, MARGIN_DB, Numerics, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::power;
 use subaperture_model::monitor::Silent;
-use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
+use subaperture_model::phase_history::{PhaseHistory, PulseRange, Weights};
 
 /// Maximum number of rows and columns of the image.
 pub(super) const MAX_SIDE: usize = 256;
@@ -74,10 +74,10 @@ pub(super) fn compare(
     let own = Weights {
         fast: weights.fast.clone(),
         slow: weights.slow[pulses.clone()].to_vec(),
-        lit: None,
+        illumination: None,
         windows: None,
     };
-    let stretch = Stretch::new(history, pulses.clone());
+    let stretch = PulseRange::new(history, pulses.clone());
     let formed = RangeDopplerBackprojection::default()
         .sub_cpi(pulses.len())
         .form_planned(&Task {

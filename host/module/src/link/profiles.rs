@@ -5,11 +5,10 @@
 //! are not sent and count as missing by the same rule as on the host. Losses on the line are detected, since a profile states
 //! the number of its samples: the sweep is sent again. A profile that is not received completely is requested again.
 //!
-//! **Output**: [`Profile`]s in the order of sweeps as they arrive; see [`subaperture_core::sweep`] for their definition and
-//! what they neglect. **Memory**: a burst and a profile. **Errors**: [`LinkError`]; earlier profiles are valid.
-//! **Accuracy**: bit-identical to the core (`tests/link/profiles.rs`, over lossy lines; `tests/firmware/profiles.rs`, from
-//! the emulated module).
-//! **Accuracy** those of the core to the bit (`tests/link/profiles.rs`, over lines with faults; `tests/firmware/profiles.rs`, from the emulated module).
+//! **Output**: [`Profile`]s in the order of sweeps as they arrive; see [`subaperture_core::sweep`] for their
+//! definition and what they neglect. **Memory**: a burst and a profile. **Errors**: [`LinkError`]; earlier profiles
+//! are valid. **Accuracy**: bit-identical to the core (`tests/link/profiles.rs`, over lossy lines;
+//! `tests/firmware/profiles.rs`, from the emulated module).
 
 use std::ops::Range;
 use std::time::{Duration, Instant};

@@ -18,7 +18,7 @@ use super::intake::MapSink;
 use super::job::{Job, PulseSource};
 use super::session::{Session, SessionObserver};
 use subaperture_focus::forecast::Forecast;
-use subaperture_model::phase_history::{PhaseHistory, Stretch};
+use subaperture_model::phase_history::{PhaseHistory, PulseRange};
 
 /// Number of sub-CPIs to measure.
 const SUB_CPIS: usize = 2;
@@ -51,7 +51,7 @@ pub fn rehearse(
 ) -> Result<Option<Forecast>, LinkError> {
     let all = history.collection().pulses.len();
     let pulses = all.min(SUB_CPIS * usize::from(job.setup.num_pulses));
-    let first = Stretch::new(history, 0..pulses);
+    let first = PulseRange::new(history, 0..pulses);
     // Weights do not affect the time.
     let weights = vec![1.0; pulses];
     let mut part = Job {

@@ -398,7 +398,7 @@ fn csv_values_are_read_in_units_of_header() {
 fn csv_header_without_units_or_positions_is_refused() {
     for (header, text_of_error) in [
         ("time_s,x,y_m,z_m", "column 'x': '1' has no unit"),
-        ("time_s,x_s,y_m,z_m", "is a time and a length is wanted"),
+        ("time_s,x_s,y_m,z_m", "expected a length, found a time"),
         ("time_s,x_m,y_m", "all of x, y and z"),
         ("time_s,roll_deg", "no position"),
         ("time_s,x_m,y_m,z_m,x_cm", "found two"),

@@ -19,7 +19,7 @@ pub struct Live {
     /// Grid of the live image.
     pub grid: ImageGrid,
     /// Motion of the body that carries the antennas.
-    pub way: BodyMotion,
+    pub motion: BodyMotion,
     /// Motion compensation reference point, metres; `None` for the middle of the grid.
     pub reference_m: Option<DVec3>,
     /// Number of latest sweeps in the image; `None` for all.
@@ -157,7 +157,7 @@ pub(super) fn build(
         let what = "estimating the track from echoes needs two receivers: set plan.reference is \"leakage\" and their positions in [antennas]";
         return Err(vec![values.fault("echoes", what)]);
     }
-    let way = match (file, position_m, velocity_m_s) {
+    let motion = match (file, position_m, velocity_m_s) {
         (None, start_m, None) if echoes => BodyMotion::Echoes {
             start_m: start_m.unwrap_or_default(),
         },
@@ -175,7 +175,7 @@ pub(super) fn build(
     };
     Ok(Live {
         grid,
-        way,
+        motion,
         reference_m: values.optional_vector("reference"),
         last: values.optional_count("last").map(|count| count as usize),
     })

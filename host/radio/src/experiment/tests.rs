@@ -58,14 +58,14 @@ fn live_image_needs_a_cartesian_grid_and_exactly_one_motion() {
     ));
     let live = file.unwrap().live.unwrap();
     assert_eq!(
-        live.way,
+        live.motion,
         BodyMotion::File(PathBuf::from("/folder/t.csv"), 3.0)
     );
     assert_eq!((live.last, live.grid.num_pixels()), (Some(9), 8));
     let rail = "position = \"1, 2, 3 m\"\nvelocity = \"0.5, 0, 0 m/s\"\nzero = \"2 s\"\n";
     let live = with(&format!("{grid}{rail}")).unwrap().live.unwrap();
     // One second after `zero`.
-    let pose = live.way.track().unwrap().pose(3.0);
+    let pose = live.motion.track().unwrap().pose(3.0);
     assert_eq!(pose.position_m.to_array(), [1.5, 2.0, 3.0]);
     // Motion from echoes needs two receivers and a leakage reference.
     let by_echoes = |reference: &str, lines: &str| {
@@ -79,8 +79,14 @@ fn live_image_needs_a_cartesian_grid_and_exactly_one_motion() {
         .live
         .unwrap();
     let start_m = glam::DVec3::new(1.0, 2.0, 3.0);
-    assert_eq!(live.way, BodyMotion::Echoes { start_m });
-    assert!(live.way.track().unwrap_err().to_string().contains("echoes"));
+    assert_eq!(live.motion, BodyMotion::Echoes { start_m });
+    assert!(
+        live.motion
+            .track()
+            .unwrap_err()
+            .to_string()
+            .contains("echoes")
+    );
     for (refused, expected) in [
         (by_echoes("loopback", ""), "plan.reference is \"leakage\""),
         (by_echoes("leakage", "track = \"t.csv\"\n"), "echoes = true"),

@@ -67,7 +67,7 @@ impl Placement<'_> {
         let timing = Timing::of(sweep);
         let (from_s, to_s) = timing.span_s;
         if let Some(track) = self.track
-            && !(track.knows(from_s) && track.knows(to_s))
+            && !(track.is_valid_at(from_s) && track.is_valid_at(to_s))
         {
             return Err(HistoryError::Track(format!(
                 "sweep from {from_s} s to {to_s} s of device time extends beyond the track, {} s to {} s",
@@ -115,7 +115,7 @@ impl Capture {
         ];
         let timing = Timing::of(response);
         if let Some(track) = placement.track
-            && !(track.knows(timing.span_s.0) && track.knows(timing.span_s.1))
+            && !(track.is_valid_at(timing.span_s.0) && track.is_valid_at(timing.span_s.1))
         {
             return Err(self.beyond(track));
         }
@@ -157,7 +157,7 @@ impl Capture {
                 let (from_s, to_s) = timings[n].span_s;
                 placement
                     .track
-                    .is_none_or(|track| track.knows(from_s) && track.knows(to_s))
+                    .is_none_or(|track| track.is_valid_at(from_s) && track.is_valid_at(to_s))
             })
             .collect();
         if let (true, Some(track)) = (within.is_empty(), placement.track) {
@@ -270,8 +270,8 @@ impl PhaseHistory for Placed {
         self.history.read(pulses, samples)
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
-        self.history.at_hand(pulses)
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.samples_in_memory(pulses)
     }
 
     fn channels(&self) -> Vec<Channel> {

@@ -42,7 +42,7 @@ impl Track {
     }
 
     /// Whether a device time lies within the track.
-    pub(super) fn knows(&self, device_s: f64) -> bool {
+    pub(super) fn is_valid_at(&self, device_s: f64) -> bool {
         // Times in track files are rounded to about a microsecond.
         let slack_s = 1e-5;
         let at_s = device_s - self.zero_s;

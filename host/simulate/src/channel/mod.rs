@@ -48,7 +48,7 @@ use super::record_error::RecordError;
 use subaperture_io::receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::ReadError;
-use subaperture_model::radar::{Antenna, Carried, Motion, Reference, Waveform};
+use subaperture_model::radar::{Antenna, Motion, MountedAntennas, Reference, Waveform};
 use subaperture_signal::phase::{narrow, phasor};
 
 /// Memory limit of the tables reused between pulses, bytes.
@@ -197,12 +197,12 @@ impl<'a> Channel<'a> {
     }
 
     /// The antennas of the pair with their attitudes by the measured track.
-    pub fn carried(&self) -> Carried {
+    pub fn carried(&self) -> MountedAntennas {
         let experiment = self.experiment;
         let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
         let (transmitter, receiver) = self.antennas();
         let attitude = |pulse: &EchoPulse| [measured.pose(pulse.time_s).attitude; 2];
-        Carried {
+        MountedAntennas {
             antennas: [transmitter.clone(), receiver.clone()],
             attitudes: self.collection.pulses.iter().map(attitude).collect(),
         }

@@ -1,8 +1,7 @@
 //! Phase noise of the oscillator.
 //!
-//! One random process for the whole collection, evaluated at any time: a sum of sinusoids, one in each of 24 cells per
-//! octave of the table's offset frequencies, at a random frequency in its cell and with random phase,
-//! 24 cells an octave of the table's offsets, at a random place in its cell and of random phase,
+//! One random process for the whole collection, evaluated at any time: a sum of sinusoids, one in each of 24 cells
+//! per octave of the table's offset frequencies, at a random frequency in its cell and with random phase,
 //!
 //! ```text
 //! phi(t) = sum_i 2 sqrt(L(f_i) df_i) cos(2 pi f_i t + theta_i)

@@ -368,7 +368,7 @@ mod tests {
         );
         assert_eq!(error_bound("-60dB"), Ok(-60.0));
         for (text, part) in [
-            ("9.6km", "is a length and a frequency is wanted"),
+            ("9.6km", "expected a frequency, found a length"),
             ("9.6GHZ", "did you mean 'GHz'"),
             (
                 "0Hz",

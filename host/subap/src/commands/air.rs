@@ -1,7 +1,7 @@
 //! Tropospheric delay correction of a recording (`--troposphere`).
 
 use subaperture::geometry::ImageGrid;
-use subaperture::phase_history::{PhaseHistory, ReadError, ThroughAir};
+use subaperture::phase_history::{PhaseHistory, ReadError, TroposphereCorrected};
 
 use crate::args::GridSettings;
 use crate::config::Session;
@@ -9,7 +9,7 @@ use crate::config::Session;
 /// Recording, with or without the tropospheric delay.
 pub(crate) enum Recorded<'a> {
     Uncorrected(Box<dyn PhaseHistory + 'a>),
-    Corrected(Box<ThroughAir<'a>>),
+    Corrected(Box<TroposphereCorrected<'a>>),
 }
 
 impl<'a> Recorded<'a> {
@@ -20,7 +20,7 @@ impl<'a> Recorded<'a> {
     ) -> Result<Self, ReadError> {
         Ok(match typed.troposphere.0 {
             None => Self::Uncorrected(history),
-            Some(air) => Self::Corrected(Box::new(ThroughAir::new(history, air)?)),
+            Some(air) => Self::Corrected(Box::new(TroposphereCorrected::new(history, air)?)),
         })
     }
 
@@ -38,7 +38,7 @@ impl<'a> Recorded<'a> {
                 format!(
                     "troposphere: corrected a two-way excess path of {:.3} m (middle pulse); it varies by at most {:.2e} m over the corners of the grid",
                     history.extra_path_m(),
-                    history.left_m(grid)
+                    history.residual_m(grid)
                 )
             });
         }

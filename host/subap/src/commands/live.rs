@@ -73,7 +73,7 @@ fn imaging(
             "two receivers need antenna positions: add a section [antennas] to the experiment";
         return Err(Usage(fault.to_owned()).into());
     }
-    let motion = match &live.way {
+    let motion = match &live.motion {
         experiment::BodyMotion::Echoes { start_m } => {
             BodyMotion::Echoes(Echoes::new(setup.band(), follower.reach_m(), *start_m))
         }

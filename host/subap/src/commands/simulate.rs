@@ -11,7 +11,7 @@ use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
 use subaperture::io::together::FileSet;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::radar::Carried;
+use subaperture::radar::MountedAntennas;
 use subaperture::receive::Echoes;
 use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Noise, Recording, Variation};
@@ -243,7 +243,10 @@ impl Written {
         let progress = session.progress("simulating");
         recording::add_to(&mut self.files, folder, &raw, &progress)?;
         for raw in &raw {
-            let is_directive = raw.antennas.as_ref().is_some_and(Carried::is_directive);
+            let is_directive = raw
+                .antennas
+                .as_ref()
+                .is_some_and(MountedAntennas::is_directive);
             if is_directive && !recording::describes_antennas(raw) {
                 messages::warning(format!(
                     "channel {}: its antenna patterns are not in the description, because the antennas turn and do not keep to the heading of \

@@ -6,7 +6,7 @@ use anyhow::Context;
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::convention::INFERENCE;
-use subaperture::io::found_track::{self, EstimatedFix};
+use subaperture::io::estimated_track::{self, EstimatedFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
@@ -74,7 +74,7 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let drawn = stacked(&charts(&name, &found))?;
     let fixes: Vec<EstimatedFix> = found.moments.iter().map(found_fix).collect();
     let mut files = FileSet::new();
-    files.write_bytes(&typed.out, found_track::text(&fixes).as_bytes())?;
+    files.write_bytes(&typed.out, estimated_track::text(&fixes).as_bytes())?;
     files.write_bytes(&picture, &drawn)?;
     files.commit()?;
     report(session, typed, &picture, &found, both.as_ref())

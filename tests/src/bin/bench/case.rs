@@ -57,7 +57,7 @@ pub(crate) struct Place {
     pub(crate) stands_for: f64,
 }
 
-/// A case.
+/// Benchmark case.
 #[derive(Clone, Debug)]
 pub(crate) struct Case {
     pub(crate) name: String,
@@ -75,10 +75,10 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    /// The case of this name.
+    /// Case of this name.
     ///
     /// # Errors
-    /// A list of the names, if there is no such case.
+    /// List of the names, if there is no such case.
     pub(crate) fn named(name: &str) -> Result<Self, String> {
         let near = |pulses, samples, side, scatterers| {
             let track = Track::Along {

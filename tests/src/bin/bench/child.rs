@@ -58,7 +58,7 @@ pub(crate) fn command(program: &Path, threads: usize) -> Command {
 /// Run it; the last printed line, parsed as JSON.
 ///
 /// # Errors
-/// That it was stopped, or the last line before it failed.
+/// The reason: it was stopped, or its last line before it failed.
 pub(crate) fn run<T: DeserializeOwned>(
     mut command: Command,
     limit: Duration,

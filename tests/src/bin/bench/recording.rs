@@ -115,7 +115,7 @@ fn write_array<T: Number>(path: &Path, shape: &[usize], values: &[T]) -> io::Res
 /// The case's samples.
 ///
 /// # Errors
-/// Of the file.
+/// Errors of reading the file.
 fn samples(folder: &Path) -> Result<Vec<Complex32>, String> {
     let path = folder.join("samples.npy");
     let array = Array::read(&path, None, u64::MAX).map_err(|error| error.to_string())?;
@@ -128,7 +128,7 @@ fn samples(folder: &Path) -> Result<Vec<Complex32>, String> {
 /// Phase history and weights of a case.
 ///
 /// # Errors
-/// Of the files.
+/// Errors of reading the files.
 pub(crate) fn history(case: &Case, folder: &Path) -> Result<(InMemory, Weights), String> {
     let collection = case.collection();
     let weights = weights(&collection);
@@ -143,7 +143,7 @@ fn judged_file(folder: &Path, side: usize) -> PathBuf {
 /// Make the file of judged pixels of an image of `side` x `side` pixels if it is missing.
 ///
 /// # Errors
-/// Of the files.
+/// Errors of reading the files.
 pub(crate) fn judge(case: &Case, folder: &Path, side: usize) -> Result<(), String> {
     let path = judged_file(folder, side);
     if path.is_file() {
@@ -193,7 +193,7 @@ fn values_at(
 /// Write the float64 sum, `[point][real, imaginary]`, at the points of a file, `[point][x, y, z]`.
 ///
 /// # Errors
-/// Of the files.
+/// Errors of writing the files.
 pub(crate) fn sum_at(case: &Case, points: &Path, values: &Path) -> Result<(), String> {
     let points_m = real(points)?;
     let points_m: Vec<_> = points_m
@@ -217,7 +217,7 @@ fn real(path: &Path) -> Result<Vec<f64>, String> {
 /// Judged pixels of an image.
 ///
 /// # Errors
-/// Of the file.
+/// Errors of writing the file.
 pub(crate) fn judged(folder: &Path, side: usize) -> Result<Vec<Judged>, String> {
     let numbers = real(&judged_file(folder, side))?;
     let judged = numbers.chunks_exact(5).map(|line| Judged {

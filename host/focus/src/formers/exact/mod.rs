@@ -40,7 +40,7 @@ use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
-use subaperture_model::phase_history::{PhaseHistory, Pulse, Stretch, Weights};
+use subaperture_model::phase_history::{PhaseHistory, Pulse, PulseRange, Weights};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
 /// Former that evaluates the exact sum.
@@ -171,7 +171,7 @@ impl Exact {
         let columns = grid.columns.count;
         let place = |i: &usize| grid.position_m(i / columns, i % columns);
         let points: Vec<DVec3> = pixels.iter().map(place).collect();
-        let Some(lit) = &weights.lit else {
+        let Some(lit) = &weights.illumination else {
             return Self::at_points(history, weights, &points, memory_bytes, monitor);
         };
         let mut values = vec![Complex64::ZERO; pixels.len()];
@@ -185,11 +185,11 @@ impl Exact {
             if pulses.is_empty() {
                 continue;
             }
-            let part = Stretch::new(history, pulses);
+            let part = PulseRange::new(history, pulses);
             let weights = Weights {
                 fast: weights.fast.clone(),
                 slow: lit.slow(block).0.to_vec(),
-                lit: None,
+                illumination: None,
                 windows: None,
             };
             let places: Vec<DVec3> = own.iter().map(|&at| points[at]).collect();

@@ -307,8 +307,9 @@ impl Forming for Opened<'_> {
                 &[Remedy::MoreMemory],
             )?;
         }
-        let hold =
-            several && work.history.at_hand(0..0).is_none() && held <= budget.left_bytes() / 2;
+        let hold = several
+            && work.history.samples_in_memory(0..0).is_none()
+            && held <= budget.left_bytes() / 2;
         if hold {
             budget.take("recorded pulses", held.into(), &[Remedy::MoreMemory])?;
         }

@@ -65,9 +65,9 @@ pub(super) struct Recorded<'a> {
 
 impl Recorded<'_> {
     /// All samples of the block, where held here or by the phase history.
-    fn at_hand(&self, stretch: &Stretch) -> Option<&[Complex32]> {
+    fn samples_in_memory(&self, stretch: &Stretch) -> Option<&[Complex32]> {
         let held = self.held.as_deref();
-        held.or_else(|| self.history.at_hand(stretch.pulses.clone()))
+        held.or_else(|| self.history.samples_in_memory(stretch.pulses.clone()))
     }
 
     /// Given pulses of the block with their samples.
@@ -250,7 +250,7 @@ impl<'a> Refiner<'a> {
             size,
             monitor: recorded.monitor,
         };
-        if let Some(samples) = recorded.at_hand(stretch) {
+        if let Some(samples) = recorded.samples_in_memory(stretch) {
             let before = recorded.before(samples, 0..num_pulses);
             self.make_together(&step, before, 0, &mut own.values);
             return Ok(());

@@ -1,4 +1,4 @@
-//! UTM against PROJ's figures, and against what defines the projection.
+//! UTM compared with PROJ, and with the defining properties of the projection.
 
 use super::*;
 
@@ -10,9 +10,10 @@ fn place(latitude_deg: f64, longitude_deg: f64) -> Geodetic {
     }
 }
 
-/// By PROJ 9 (`+proj=utm`), whose algorithm is its own (Poder and Engsager's). Northings of 10^7 m have roundings of 2e-9 m; ten of those.
+/// Reference: PROJ 9 (`+proj=utm`), with a different algorithm (Poder and Engsager's). Northings of 10^7 m have
+/// roundings of 2e-9 m; ten of these are allowed.
 #[test]
-fn coordinates_are_those_of_proj() {
+fn coordinates_match_proj() {
     for (latitude, longitude, zone, east, north) in [
         (0.0, 3.5, "31N", 555_638.192_444_180_6, 0.0),
         (
@@ -69,10 +70,10 @@ fn coordinates_are_those_of_proj() {
     }
 }
 
-/// A conformal map is told by what it does along one line: along the meridian northings are 0.9996 of its length, which Simpson's rule gives here, and elsewhere the map turns and
-/// scales alike in all directions.
+/// A conformal map is defined by its values along one line: along the meridian northings are 0.9996 times its length
+/// (by Simpson's rule here). Elsewhere the map rotates and scales equally in all directions.
 #[test]
-fn the_map_is_conformal_and_true_along_the_meridian() {
+fn projection_is_conformal_and_true_to_scale_along_meridian() {
     let radius_m = |latitude: f64| {
         let w2 = 1.0 - ECCENTRICITY2 * latitude.sin().powi(2);
         SEMI_MAJOR_M * (1.0 - ECCENTRICITY2) / (w2 * w2.sqrt())
@@ -100,7 +101,7 @@ fn the_map_is_conformal_and_true_along_the_meridian() {
         );
         assert_eq!(found.easting_m, 500_000.0);
     }
-    // Central differences over 1e-5 rad, 64 m: what is left out is 1e-10 of them, and roundings are 2e-9 / 64.
+    // Central differences over 1e-5 rad, 64 m: the truncation error is 1e-10 of them, and roundings are 2e-9 / 64.
     let step = 1e-5f64;
     for (latitude_deg, longitude_deg) in [(52.0, 5.9), (-75.0, 7.0), (10.0, -20.0), (80.0, 30.0)] {
         let at = |north: f64, east: f64| {
@@ -128,14 +129,15 @@ fn the_map_is_conformal_and_true_along_the_meridian() {
 }
 
 #[test]
-fn places_come_back() {
+fn inverse_projection_restores_position() {
     for zone in [Zone::new(1, true).unwrap(), Zone::new(33, false).unwrap()] {
         for latitude in [-80.0, -33.3, 0.0, 1e-6, 51.0, 84.0, 89.9] {
             for away in [-29.9, -3.0, 0.0, 2.5, 20.0] {
                 let there = place(latitude, wrapped(zone.meridian_deg() + away));
                 let utm = Utm::in_zone(&there, zone).unwrap();
                 let back = utm.to_geodetic(7.0);
-                // 5 nm are 4.5e-14 degrees; sums of degrees round to 3e-14, and longitudes more near the poles.
+                // 5 nm are 4.5e-14 degrees; sums of degrees are rounded to 3e-14, and longitudes near the poles to
+                // more.
                 let cos = there.latitude_deg.to_radians().cos();
                 assert!((back.latitude_deg - latitude).abs() < 3e-13, "{back:?}");
                 assert!(
@@ -149,7 +151,7 @@ fn places_come_back() {
 }
 
 #[test]
-fn zones_are_those_of_the_map() {
+fn zone_exceptions_of_norway_and_svalbard_apply() {
     for (latitude, longitude, expected) in [
         (0.0, -180.0, 1),
         (0.0, 180.0, 1),

@@ -1,4 +1,4 @@
-//! Channels side by side, chosen and refused.
+//! Selection and combination of channels.
 
 use super::*;
 use crate::geometry::SceneFrame;
@@ -7,8 +7,8 @@ use glam::DVec3;
 use num_complex::Complex32;
 use subaperture_signal::window::Window;
 
-/// Pulses a millisecond apart, `late_s` after the turn's beginning, of a receiver `apart_m` from the transmitter, whose
-/// samples tell channel and pulse.
+/// Pulses 1 ms apart, `late_s` after the start of the turn, of a receiver `apart_m` from the transmitter. Samples
+/// encode channel and pulse.
 fn channel(name: &str, count: usize, late_s: f64, apart_m: f64) -> ChannelHistory<'static> {
     let pulse = |n: usize| Pulse {
         time_s: n as f64 * 1e-3 + late_s,
@@ -54,7 +54,7 @@ fn channels_share_their_pulses_or_are_refused() {
             counts
         }
     );
-    // Later than the next turn begins.
+    // Later than the start of the next turn.
     let late = vec![channel("a", 4, 0.0, 0.0), channel("b", 4, 1.5e-3, 1.0)];
     assert_eq!(
         refused(late),
@@ -79,7 +79,7 @@ fn channels_share_their_pulses_or_are_refused() {
 }
 
 #[test]
-fn channels_are_found_by_name_and_by_number() {
+fn channels_are_selected_by_name_or_number() {
     let named = |names: [&str; 3]| {
         let channels = names.map(|name| channel(name, 2, 0.0, name.len() as f64));
         Channels::new(channels.into()).unwrap()
@@ -91,10 +91,10 @@ fn channels_are_found_by_name_and_by_number() {
         let error = letters.find(wanted).unwrap_err().to_string();
         assert_eq!(
             error,
-            format!("no channel '{wanted}'; choose one of: a, bb, ccc")
+            format!("unknown channel '{wanted}': expected one of: a, bb, ccc")
         );
     }
-    // Where names are numbers, a number is a name.
+    // If names are numbers, a number is a name.
     let numbers = named(["7", "22", "111"]);
     assert_eq!(numbers.find("22"), Ok(1));
     assert!(numbers.find("1").is_err());
@@ -111,7 +111,7 @@ fn channels_are_found_by_name_and_by_number() {
 }
 
 #[test]
-fn a_sum_has_every_pulse_and_weighs_channels_alike() {
+fn coherent_sum_has_all_pulses_with_equal_weights() {
     let three = || (0..3).map(|c| channel(["a", "b", "c"][c], 5, c as f64 * 2e-4, c as f64));
     let sum = Channels::new(three().collect())
         .unwrap()
@@ -130,13 +130,13 @@ fn a_sum_has_every_pulse_and_weighs_channels_alike() {
         }
     }
     let weights = Weights::new(collection, Window::None, Window::Hamming);
-    // Hamming's, of five places.
+    // Hamming weights of five pulses.
     let own =
         [-0.4, -0.2, 0.0, 0.2, 0.4].map(|u: f64| 0.54 + 0.46 * (std::f64::consts::TAU * u).cos());
     for (n, weight) in weights.slow.iter().enumerate() {
         assert!((weight - own[n % 5]).abs() < 1e-12, "{n}: {weight}");
     }
-    // In the order of time they are one run.
+    // Sorted by time they are one turn.
     let mut in_time = collection.clone();
     in_time.pulses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     assert_eq!(in_time.num_turns(), 15);
@@ -162,7 +162,7 @@ fn incompatible_channels_are_not_summed() {
             polarizations: ["HH".to_owned(), "HV".to_owned()],
         }
     );
-    // The same antennas at the same time: polarisations that nobody named.
+    // Same antennas at the same time, as with polarisations that are not named.
     let same = vec![channel("a", 3, 0.0, 1.0), channel("b", 3, 0.0, 1.0)];
     assert_eq!(sum(same), ChannelError::SameLooks { names: names() });
     let (about, history) = channel("b", 3, 0.0, 1.0);

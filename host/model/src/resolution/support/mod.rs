@@ -35,7 +35,7 @@
 //! Large collections are represented by at most [`MAX_LOOKS`] pulses, each with the weight of its share, and
 //! [`MAX_CELLS`] cells of the band (midpoint rule, whose response repeats after that many cells).
 
-mod lit;
+mod gains;
 mod projection;
 mod record;
 
@@ -45,7 +45,7 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, Pulse, Weights};
 use subaperture_signal::window::Window;
 
-pub use lit::{GainsError, measured_gains};
+pub use gains::{GainsError, measured_gains};
 pub use projection::Projection;
 pub use record::RecordedLooks;
 
@@ -114,7 +114,7 @@ impl Looks {
     /// Multiply each look's weight by the antenna gain `gain(fraction)`, at
     /// the fraction of pulses, 0 to 1, before it.
     #[must_use]
-    pub fn lit(mut self, gain: impl Fn(f64) -> f64) -> Self {
+    pub fn with_gain(mut self, gain: impl Fn(f64) -> f64) -> Self {
         let count = self.looks.len() as f64;
         for (i, look) in self.looks.iter_mut().enumerate() {
             look.weight *= gain((i as f64 + 0.5) / count);

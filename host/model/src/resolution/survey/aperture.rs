@@ -16,7 +16,7 @@ const AROUND_RAD: f64 = 0.35;
 
 /// Extent of the antenna positions.
 pub(super) struct Aperture {
-    /// Length from end to end, or along the track where it goes around the scene, metres.
+    /// Length from end to end, or along a track around the scene, metres.
     pub(super) length_m: f64,
     /// Largest distance between two antenna positions, metres.
     pub(super) chord_m: f64,
@@ -45,7 +45,7 @@ impl Aperture {
         Self {
             chord_m: straight_m,
             length_m: match azimuth_rad > AROUND_RAD {
-                true => straight_m.max(way_around(&azimuths, azimuth_rad)),
+                true => straight_m.max(length_around(&azimuths, azimuth_rad)),
                 false => straight_m,
             },
             angle_rad: widest(&directions, super::angle_between),
@@ -96,7 +96,7 @@ fn azimuth_span(ascending: &[(f64, DVec3)]) -> (f64, usize) {
 }
 
 /// Length of a track around the scene: polyline of mean positions in azimuth bins, and both ends.
-fn way_around(around: &[(f64, DVec3)], span_rad: f64) -> f64 {
+fn length_around(around: &[(f64, DVec3)], span_rad: f64) -> f64 {
     let start = around[0].0;
     let mut bins = vec![(DVec3::ZERO, 0.0); BINS];
     for &(azimuth, place) in around {

@@ -69,7 +69,7 @@ impl Survey {
                 "the antenna does not move across its line of sight".to_owned(),
             ));
         };
-        let (half_x, half_y) = if self.looks_from_around() {
+        let (half_x, half_y) = if self.is_wide_angle() {
             // The line of sight rotates, and the rectangle with it: the square inside a circle remains.
             let half = range_m.min(cross_m) / 8f64.sqrt();
             (half, half)
@@ -152,7 +152,7 @@ impl Survey {
         let [x_m, y_m] = self.declared_extent_m?;
         let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
         // Scene extent along and across the line of sight, corner to corner; for a circular aperture its diagonal.
-        let (deep_m, wide_m) = match self.looks_from_around() {
+        let (deep_m, wide_m) = match self.is_wide_angle() {
             true => (libm::hypot(x, y), libm::hypot(x, y)),
             false => {
                 let (sin, cos) = libm::sincos(self.azimuth_deg.to_radians());
@@ -187,7 +187,7 @@ impl Survey {
     }
 
     /// Whether the aperture is so wide that directions along and across the line of sight are undefined.
-    fn looks_from_around(&self) -> bool {
+    fn is_wide_angle(&self) -> bool {
         self.aperture_azimuth_deg > 45.0
     }
 }

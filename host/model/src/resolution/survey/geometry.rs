@@ -21,6 +21,6 @@ pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 /// Angle between two vectors, radians; 0 for a zero vector.
 pub(super) fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    // Accurate for small angles, unlike the arc cosine.
+    // More accurate than the arc cosine for small angles.
     libm::atan2(a.cross(b).length(), a.dot(b))
 }

@@ -3,7 +3,6 @@
 //! Echoes are assumed between range 0 and a maximum range `R`. The part of the response that a few points explain is
 //! attributed to them (`points`, a CLEAN); a point is known at every carrier. The residual is modelled as echoes of
 //! equal mean power at all ranges with random phases. Its covariance between two frequencies `d` apart is
-//! echoes alike strong on the mean at any range, with random phases, whose responses at two frequencies `d` apart have the covariance
 //!
 //! ```text
 //! C(d) = (1 / R) integral_0^R exp(-j 2 pi d 2 r / c) dr = exp(-j 2 pi d R / c) sinc(2 d R / c)

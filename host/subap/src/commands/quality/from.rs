@@ -296,7 +296,7 @@ impl<'a> From<'a> {
         progress.finish();
         let lit = looks
             .clone()
-            .lit(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
+            .with_gain(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
         let basis = Basis::Unknown;
         Ok(Point {
             theory: theory::of_cuts(&basis, &response, &grid, Some(&looks)),

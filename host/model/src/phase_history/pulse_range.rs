@@ -7,17 +7,17 @@ use num_complex::Complex32;
 use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 
 /// Consecutive pulses of a phase history, presented as a phase history.
-pub struct Stretch<'a> {
+pub struct PulseRange<'a> {
     history: &'a dyn PhaseHistory,
     collection: Collection,
     first: usize,
 }
 
-impl<'a> Stretch<'a> {
+impl<'a> PulseRange<'a> {
     /// Select the pulses `pulses` of `history`.
     ///
     /// # Panics
-    /// If `pulses` ends past the last pulse of `history`.
+    /// Panics if `pulses` ends beyond the last pulse of `history`.
     pub fn new(history: &'a dyn PhaseHistory, pulses: Range<usize>) -> Self {
         let whole = history.collection();
         let first = pulses.start;
@@ -43,7 +43,7 @@ impl<'a> Stretch<'a> {
     }
 }
 
-impl PhaseHistory for Stretch<'_> {
+impl PhaseHistory for PulseRange<'_> {
     fn collection(&self) -> &Collection {
         &self.collection
     }
@@ -56,8 +56,8 @@ impl PhaseHistory for Stretch<'_> {
         self.history.read(self.within(pulses), samples)
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
-        self.history.at_hand(self.within(pulses))
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.samples_in_memory(self.within(pulses))
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

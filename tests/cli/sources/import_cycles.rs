@@ -1,17 +1,17 @@
-//! Which files of a crate import each other in a circle.
+//! Import cycles among the files of a crate.
 //!
-//! A file imports another where a `use`, or a path that begins with `crate`, `self` or `super`, leads to it. A module and
-//! those within it are one: what a parent declares and hands on is no circle. Tests and comments count for nothing.
+//! A file imports another if a `use`, or a path that begins with `crate`, `self` or `super`, leads to it. A module
+//! and its submodules count as one: re-exports by a parent are no cycle. Tests and comments are ignored.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A module by its path from the crate's root, which is empty.
+/// Module path from the crate's root, which is empty.
 type Module = Vec<String>;
 
-/// What each module imports, and by which paths.
+/// Imports of each module, with the paths used.
 type Imports = BTreeMap<Module, BTreeMap<Module, BTreeSet<String>>>;
 
-/// The module of the file `name`, a path below `src`.
+/// Module of the file `name`, a path below `src`.
 fn module(name: &str) -> Module {
     let path = name.strip_suffix(".rs").unwrap();
     let path = path.strip_suffix("/mod").unwrap_or(path);
@@ -21,7 +21,7 @@ fn module(name: &str) -> Module {
     }
 }
 
-/// Words and signs of a source, without comments, texts and characters.
+/// Words and symbols of a source, without comments, strings and characters.
 fn tokens(text: &str) -> Vec<&str> {
     let mut tokens = Vec::new();
     let mut rest = text;
@@ -59,13 +59,13 @@ fn tokens(text: &str) -> Vec<&str> {
     tokens
 }
 
-/// Whether a `'` begins a character; else it is a lifetime's.
+/// Whether a `'` begins a character rather than a lifetime.
 fn is_character(text: &str) -> bool {
     let mut after = text.chars().skip(1);
     after.next() == Some('\\') || after.next() == Some('\'')
 }
 
-/// Bytes of what begins and ends with `mark`.
+/// Length in bytes of a literal that begins and ends with `mark`.
 fn quoted(text: &str, mark: char) -> usize {
     let mut is_escaped = false;
     let end = text[1..].find(|c| {
@@ -76,7 +76,7 @@ fn quoted(text: &str, mark: char) -> usize {
     end.unwrap() + 2
 }
 
-/// Leaves out what is compiled for tests alone: the item or statement after `#[cfg(test)]`.
+/// Leave out code that is compiled only for tests: the item or statement after `#[cfg(test)]`.
 fn without_tests<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
     const FOR_TESTS: [&str; 7] = ["#", "[", "cfg", "(", "test", ")", "]"];
     let mut kept = Vec::new();
@@ -136,7 +136,7 @@ fn paths<'a>(tokens: &[&'a str]) -> Vec<Vec<&'a str>> {
     let mut rest = tokens;
     while let [word, after @ ..] = rest {
         rest = match (*word, after) {
-            // Of `impl Trait + use<'a>`, a bracket follows.
+            // In `impl Trait + use<'a>` a bracket follows.
             ("use", [next, ..]) if *next != "<" => expand(&[], after, &mut paths),
             ("crate" | "self" | "super", ["::", ..]) => {
                 let mut path = vec![*word];
@@ -154,7 +154,7 @@ fn paths<'a>(tokens: &[&'a str]) -> Vec<Vec<&'a str>> {
     paths
 }
 
-/// The module that `path`, named in `from`, leads to; `None` for other crates.
+/// Module that `path` in `from` leads to; `None` for other crates.
 fn resolve(path: &[&str], from: &Module, modules: &BTreeSet<Module>) -> Option<Module> {
     let mut module = from.clone();
     let mut rest = path;
@@ -187,7 +187,7 @@ fn within(module: &Module, child: &str) -> Module {
     module.iter().cloned().chain([child.to_owned()]).collect()
 }
 
-/// What the files of a crate, `(path below src, text)`, import of one another.
+/// Imports among the files of a crate, `(path below src, text)`.
 fn imports(files: &[(String, String)]) -> Imports {
     let modules: BTreeSet<Module> = files.iter().map(|(name, _)| module(name)).collect();
     let mut imports = Imports::new();
@@ -206,7 +206,7 @@ fn imports(files: &[(String, String)]) -> Imports {
     imports
 }
 
-/// All that is imported from `start` on.
+/// All modules imported from `start`, directly or indirectly.
 fn reached<'a>(start: &'a Module, imports: &'a Imports) -> BTreeSet<&'a Module> {
     let mut reached = BTreeSet::new();
     let mut left = vec![start];
@@ -217,15 +217,15 @@ fn reached<'a>(start: &'a Module, imports: &'a Imports) -> BTreeSet<&'a Module> 
     reached
 }
 
-/// The circles among a crate's files, `(path below src, text)`, each as its arrows.
-pub(super) fn circles(files: &[(String, String)]) -> Vec<Vec<String>> {
+/// Import cycles among the files of a crate, `(path below src, text)`, each as a list of arrows.
+pub(super) fn cycles(files: &[(String, String)]) -> Vec<Vec<String>> {
     let imports = imports(files);
     let reached: BTreeMap<&Module, BTreeSet<&Module>> = imports
         .keys()
         .map(|module| (module, reached(module, &imports)))
         .collect();
-    // Those that reach each other are in one.
-    let circles: BTreeSet<Vec<&Module>> = reached
+    // Modules that reach each other form a cycle.
+    let cycles: BTreeSet<Vec<&Module>> = reached
         .iter()
         .filter(|(module, all)| all.contains(*module))
         .map(|(module, all)| {
@@ -236,15 +236,15 @@ pub(super) fn circles(files: &[(String, String)]) -> Vec<Vec<String>> {
             mutual.copied().collect()
         })
         .collect();
-    let arrows = |circle: Vec<&Module>| -> Vec<String> {
-        let from = circle.iter().flat_map(|from| {
+    let arrows = |cycle: Vec<&Module>| -> Vec<String> {
+        let from = cycle.iter().flat_map(|from| {
             let to = imports[*from].iter();
-            let to = to.filter(|(to, _)| circle.contains(to));
+            let to = to.filter(|(to, _)| cycle.contains(to));
             to.map(|(to, paths)| arrow(from, to, paths))
         });
         from.collect()
     };
-    circles.into_iter().map(arrows).collect()
+    cycles.into_iter().map(arrows).collect()
 }
 
 fn arrow(from: &Module, to: &Module, paths: &BTreeSet<String>) -> String {
@@ -253,7 +253,7 @@ fn arrow(from: &Module, to: &Module, paths: &BTreeSet<String>) -> String {
     format!("{from} -> {to}: {}", paths.join(", "))
 }
 
-/// A crate whose `a`, `b` and `c` import each other, and `d` all of them; `b` as told.
+/// Crate whose modules `a`, `b` and `c` import each other, and `d` all of them, with the given source of `b`.
 fn made_up(b: &str) -> Vec<(String, String)> {
     let files = [
         (
@@ -278,9 +278,9 @@ fn made_up(b: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn a_circle_of_three_is_found() {
-    let found = circles(&made_up("pub use super::{c::{leaf::Leaf as L, C, D}};"));
-    // The leaf is a file of its own, and imports nothing.
+fn cycle_of_three_files_is_detected() {
+    let found = cycles(&made_up("pub use super::{c::{leaf::Leaf as L, C, D}};"));
+    // The leaf is a separate file that imports nothing.
     let arrows = [
         "a -> b: super::b::B, super::b::self",
         "b -> c: super::c::C, super::c::D",
@@ -290,7 +290,7 @@ fn a_circle_of_three_is_found() {
 }
 
 #[test]
-fn only_imports_make_circles() {
+fn comments_strings_and_tests_make_no_cycle() {
     let sources = [
         "// use super::c::C;\n/* use super::c::C; */",
         "const A: &str = \"use super::c::C; \\\" crate::c::C\";",
@@ -301,11 +301,11 @@ fn only_imports_make_circles() {
         "use subaperture_core::c::C;",
     ];
     for source in sources {
-        assert_eq!(circles(&made_up(source)), [[""; 0]; 0], "{source}");
+        assert_eq!(cycles(&made_up(source)), [[""; 0]; 0], "{source}");
     }
-    // What comes after them counts.
+    // Imports after them count.
     for source in sources {
         let source = format!("{source}\nfn g(c: crate::c::C) {{}}");
-        assert_eq!(circles(&made_up(&source)).len(), 1, "{source}");
+        assert_eq!(cycles(&made_up(&source)).len(), 1, "{source}");
     }
 }

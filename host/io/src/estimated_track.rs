@@ -1,17 +1,17 @@
-//! Tracks that were found of echoes, with what is known of their errors, as comma-separated values.
+//! Tracks estimated from echoes, with their covariance, as comma-separated values.
 //!
-//! A file is one of [`crate::track_csv`], which reads its times, places and attitudes and passes over the rest. Its first line says who wrote
-//! it, the second names the columns; then every line is a pulse:
+//! The format is that of [`crate::track_csv`], which reads times, positions and attitudes and skips the other
+//! columns. The first line states the writing program, the second the column names. Every further line is a pulse:
 //!
-//! | column | what it is |
+//! | column | meaning |
 //! |---|---|
-//! | `time_s`, `x_m`, `y_m`, `z_m` | when the body was where, in the scene frame |
-//! | `roll_deg`, `pitch_deg`, `yaw_deg` | how it was turned |
-//! | `variance_x_m2`, `covariance_x_y_m2`, `variance_y_m2` | of x and y |
-//! | `covariance_x_yaw_m_rad`, `covariance_y_yaw_m_rad`, `variance_yaw_rad2` | of these with the heading, and of it |
-//! | `residual` | RMS of what ranges and phases are off the track, in standard deviations |
-//! | `targets` | how many were seen |
-//! | `pulse` | its number in the recording, from 0 |
+//! | `time_s`, `x_m`, `y_m`, `z_m` | time and position of the body in the scene frame |
+//! | `roll_deg`, `pitch_deg`, `yaw_deg` | attitude |
+//! | `variance_x_m2`, `covariance_x_y_m2`, `variance_y_m2` | covariance of x and y |
+//! | `covariance_x_yaw_m_rad`, `covariance_y_yaw_m_rad`, `variance_yaw_rad2` | covariance of x and y with the heading, variance of the heading |
+//! | `residual` | RMS residual of ranges and phases in standard deviations |
+//! | `targets` | number of targets observed |
+//! | `pulse` | pulse number in the recording, from 0 |
 
 use std::io::Write;
 use std::path::Path;
@@ -22,23 +22,23 @@ use subaperture_model::track::Fix;
 use crate::atomic::{WriteError, write_atomically};
 use crate::ours::TEXT_MARK;
 
-/// A line of the file.
+/// Line of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EstimatedFix {
-    /// When and where; its attitude is told as that of the scene's axes if there is none.
+    /// Time, position and attitude. A missing attitude is written as that of the scene's axes.
     pub fix: Fix,
-    /// Of x and y, metres, and heading, radians.
+    /// Covariance of x and y in metres and heading in radians.
     pub covariance: DMat3,
-    /// RMS of what is off, in standard deviations.
+    /// RMS residual in standard deviations.
     pub residual: f64,
-    /// Targets seen.
+    /// Number of targets observed.
     pub targets: usize,
-    /// Number of the pulse.
+    /// Pulse number.
     pub pulse: usize,
 }
 
-/// Columns that say nothing of where the body is.
-pub(crate) const BESIDE: [&str; 9] = [
+/// Columns that [`crate::track_csv`] skips.
+pub(crate) const EXTRA_COLUMNS: [&str; 9] = [
     "variance_x_m2",
     "covariance_x_y_m2",
     "variance_y_m2",
@@ -50,7 +50,7 @@ pub(crate) const BESIDE: [&str; 9] = [
     "pulse",
 ];
 
-/// Writes a track, complete or not at all.
+/// Write a track atomically.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -61,12 +61,12 @@ pub fn write(path: &Path, fixes: &[EstimatedFix]) -> Result<(), WriteError> {
     })
 }
 
-/// The file's text.
+/// Text of the file.
 pub fn text(fixes: &[EstimatedFix]) -> String {
     let place = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg";
     let mut text = format!(
-        "# a track found of echoes, {TEXT_MARK}\n{place},{}\n",
-        BESIDE.join(",")
+        "# track estimated from echoes, {TEXT_MARK}\n{place},{}\n",
+        EXTRA_COLUMNS.join(",")
     );
     for found in fixes {
         let fix = &found.fix;
@@ -100,7 +100,7 @@ mod tests {
     use subaperture_model::track::turned;
 
     #[test]
-    fn track_survives_a_round_trip() {
+    fn written_track_reads_back() {
         let fix = |n: usize| EstimatedFix {
             fix: Fix {
                 time_s: n as f64 / 3.0,

@@ -24,7 +24,7 @@ impl BlockIllumination {
     /// Divide a grid of `counts` rows and columns into blocks of `side`, with the `pulses` of each block in row-major order.
     ///
     /// # Panics
-    /// If the number of ranges differs from the number of blocks, or a side is 0.
+    /// Panics if the number of ranges differs from the number of blocks, or a side is 0.
     pub fn new(
         counts: [usize; 2],
         side: [usize; 2],
@@ -39,14 +39,17 @@ impl BlockIllumination {
                 (weights.into(), sum)
             });
         }
-        let lit = Self {
+        let blocks = Self {
             counts,
             side,
             pulses,
             windows,
         };
-        assert_eq!(lit.pulses.len(), lit.across() * counts[0].div_ceil(side[0]));
-        lit
+        assert_eq!(
+            blocks.pulses.len(),
+            blocks.across() * counts[0].div_ceil(side[0])
+        );
+        blocks
     }
 
     /// Rows and columns of a block.

@@ -1,4 +1,4 @@
-//! Antennas of a channel on the bodies that carry them.
+//! Antennas of a channel with the attitudes of their bodies.
 
 use glam::{DQuat, DVec3};
 
@@ -7,22 +7,23 @@ use crate::phase_history::{Beam, NoBeam, headings};
 
 /// Transmitting and receiving antenna of a channel, with the attitude of their bodies at each pulse.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Carried {
-    /// The transmitting and the receiving antenna.
+pub struct MountedAntennas {
+    /// Transmitting and receiving antenna.
     pub antennas: [Antenna; 2],
-    /// Attitude of the body of either, per pulse, scene axes.
+    /// Attitudes of both bodies per pulse, in scene axes.
     pub attitudes: Vec<[DQuat; 2]>,
 }
 
-impl Carried {
+impl MountedAntennas {
     /// Whether one of the antennas has a pattern.
     pub fn is_directive(&self) -> bool {
         is_directive(&self.antennas)
     }
 
-    /// Beam of both antennas along a track of these positions (the midpoints of transmitter and receiver) at `times_s`, one per pulse, as of
-    /// [`Beam::of_lobes`]. The squint of an antenna is the angle of its boresight forward of broadside. The elevation of the beam is neglected: azimuth angles
-    /// about the boresight are taken as angles about the track. `None` if neither antenna has a pattern.
+    /// Beam of both antennas along a track with these positions (midpoints of transmitter and receiver) at `times_s`,
+    /// one per pulse, by [`Beam::of_lobes`]. The squint of an antenna is the angle of its boresight forward of
+    /// broadside. The elevation of the beam is neglected: azimuth angles about the boresight are taken as angles
+    /// about the track. `None` if neither antenna has a pattern.
     ///
     /// # Errors
     /// [`NoBeam`].

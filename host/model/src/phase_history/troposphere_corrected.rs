@@ -1,4 +1,4 @@
-//! A recording as it would be in a vacuum: the air's extra paths taken away.
+//! Compensation of the tropospheric delay of a recording.
 
 use std::ops::Range;
 
@@ -8,23 +8,23 @@ use num_complex::Complex32;
 use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use crate::geometry::{ImageGrid, Troposphere};
 
-/// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by the tropospheric excess of the pulse's reference
-/// point. Recorded reference paths are taken as geometric ones, as CPHD has them.
+/// Phase history compensated for the troposphere: the same samples, with reference paths adjusted by the tropospheric
+/// excess at the pulse's reference point. Recorded reference paths are assumed to be geometric, as in CPHD.
 ///
-/// Neglected is how much the extra path of other places differs from that of the reference point ([`Self::left_m`]).
+/// Neglected: the difference of the extra path between other points and the reference point ([`Self::residual_m`]).
 ///
-/// Memory: a copy of the geometry, 240 bytes a pulse.
-pub struct ThroughAir<'a> {
+/// Memory: a copy of the geometry, 240 bytes per pulse.
+pub struct TroposphereCorrected<'a> {
     history: Box<dyn PhaseHistory + 'a>,
     collection: Collection,
     air: Troposphere,
 }
 
-impl<'a> ThroughAir<'a> {
-    /// `history` less the delays of `air`.
+impl<'a> TroposphereCorrected<'a> {
+    /// Compensate `history` for the delays of `air`.
     ///
     /// # Errors
-    /// [`ReadError::Mismatch`] if the recording does not say where on the Earth it was.
+    /// [`ReadError::Mismatch`] if the recording does not state its position on the Earth.
     pub fn new(history: Box<dyn PhaseHistory + 'a>, air: Troposphere) -> Result<Self, ReadError> {
         let mut collection = history.collection().clone();
         for pulse in &mut collection.pulses {
@@ -36,11 +36,11 @@ impl<'a> ThroughAir<'a> {
             };
             let Some(extra_m) = extra_m else {
                 return Err(ReadError::Mismatch(format!(
-                    "{}: the recording does not say where on the Earth it was, so that nothing is known of the air on its paths",
+                    "{}: the recording does not state its position on the Earth, so that its tropospheric delay is unknown",
                     collection.name
                 )));
             };
-            // The samples are late by so much more than their reference says.
+            // The samples are later than their reference path states by this path.
             pulse.reference_path_m -= extra_m;
         }
         Ok(Self {
@@ -62,7 +62,7 @@ impl<'a> ThroughAir<'a> {
     }
 
     /// Largest difference, metres, between the two-way extra path at the corners of a grid and the compensated extra path, over the first, the middle and the last pulse.
-    pub fn left_m(&self, grid: &ImageGrid) -> f64 {
+    pub fn residual_m(&self, grid: &ImageGrid) -> f64 {
         let last = self.collection.pulses.len().saturating_sub(1);
         let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
         let corners = [[0, 0], [0, columns], [rows, 0], [rows, columns]];
@@ -89,7 +89,7 @@ impl<'a> ThroughAir<'a> {
     }
 }
 
-impl PhaseHistory for ThroughAir<'_> {
+impl PhaseHistory for TroposphereCorrected<'_> {
     fn collection(&self) -> &Collection {
         &self.collection
     }
@@ -102,8 +102,8 @@ impl PhaseHistory for ThroughAir<'_> {
         self.history.read(pulses, samples)
     }
 
-    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
-        self.history.at_hand(pulses)
+    fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.samples_in_memory(pulses)
     }
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
