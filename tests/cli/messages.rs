@@ -166,7 +166,10 @@ fn messages_state_fault_place_and_advice() {
         (
             "focus empty --out o",
             1,
-            &["empty: a directory", "name the files in it"],
+            &[
+                "empty: expected a recording, found a directory",
+                "name the files in it",
+            ],
         ),
         (
             "info empty",

@@ -181,7 +181,7 @@ const LIKE_OPTIONS: [(&str, &str); 6] = [
         "where a setting comes from, as its faults name it",
     ),
     (
-        "host/radio/src/experiment/mod.rs",
+        "host/radio/src/experiment/keys.rs",
         "where a setting comes from, as its faults name it",
     ),
     (
