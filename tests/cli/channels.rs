@@ -160,7 +160,7 @@ fn echoes_have_a_description_for_each_antenna_pair() {
         at,
         &format!("focus raw/recording-T2R2.toml --channel T2R2 --out no {GRID}"),
     );
-    wrong.failed(1, &["no channel 'T2R2'", "T1R1"]);
+    wrong.failed(1, &["unknown channel 'T2R2'", "T1R1"]);
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn incompatible_channels_are_refused() {
     refuse(
         "focus mimo.cphd --channels T1R1,T3R1",
         1,
-        &["no channel 'T3R1'", "T1R1, T1R2, T2R1, T2R2"],
+        &["unknown channel 'T3R1'", "T1R1, T1R2, T2R1, T2R2"],
     );
     refuse(
         "focus mimo.cphd --channels T1R1,1",

@@ -105,7 +105,7 @@ pub(super) fn write(
     Ok(files.commit()?)
 }
 
-/// All files that [`write`] writes to `folder`.
+/// All files that [`write()`] writes to `folder`.
 pub(super) fn written(folder: &Path, outcomes: &[Outcome]) -> Vec<OutputFile> {
     let formed = outcomes.iter().map(|outcome| outcome.trial.folder);
     let images = std::iter::once("exact").chain(formed.clone());
