@@ -197,7 +197,10 @@ fn description_errors_state_the_expected_value() {
         "focus scene.toml --out d",
         "tune scene.toml --at 0,4 --vary radar.pri=1:2:1s",
     ] {
-        run(at, line).failed(1, &["scene.toml:3:", "If the text is a scenario, simulate it"]);
+        run(at, line).failed(
+            1,
+            &["scene.toml:3:", "If the text is a scenario, simulate it"],
+        );
     }
     run(at, "simulate raw/recording.toml -o a.cphd")
         .failed(1, &["recording.toml:4:", "subap focus"]);

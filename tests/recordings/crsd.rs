@@ -179,7 +179,11 @@ fn unsupported_crsd_is_refused_with_a_reason() {
     for (from, to, word) in [
         ("CRSDsar/1.0", "CRSDtx/1.0 ", "no echoes"),
         ("CRSDsar/1.0", "CRSDrcv/1.0", "the transmitted pulses"),
-        ("CRSDsar/1.0", "CRSDsar/2.0", "expected version 1.0, found '2.0'"),
+        (
+            "CRSDsar/1.0",
+            "CRSDsar/2.0",
+            "expected version 1.0, found '2.0'",
+        ),
         (">LFM<", ">XM <", "expected TxSequence/TxWFType LFM"),
         ("<NumSamples>3072<", "<NumSamples>3073<", "does not fit"),
         ("<NumPulses>64<", "<NumPulses>65<", "does not fit"),
