@@ -39,7 +39,7 @@
 //!
 //! scenario.set("radar.pri", "0.5 mm")?;
 //! let error = scenario.experiment().unwrap_err().to_string();
-//! assert!(error.contains("a length and a time is wanted"), "{error}");
+//! assert!(error.contains("expected a time, found a length"), "{error}");
 //! # Ok::<(), subaperture_simulate::scenario::ScenarioError>(())
 //! ```
 
