@@ -106,10 +106,10 @@ fn corrected_track_is_read_by_other_commands() {
         "autofocus shaken.cphd {GRID} -m sharpness --unknown track --rounds 3 -o track.csv"
     );
     let ran = run(at, &line);
-    let told = ran.succeeded();
+    let printed = ran.succeeded();
     assert!(
-        told.contains("track corrected by") && told.contains("entropy"),
-        "{told}"
+        printed.contains("track corrected by") && printed.contains("entropy"),
+        "{printed}"
     );
     let fixes = track_csv::read(&at.join("track.csv")).unwrap();
     assert_eq!(fixes.len(), 512);

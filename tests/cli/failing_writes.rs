@@ -370,13 +370,13 @@ fn failing_call_leaves_all_outputs_or_none() {
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "minutes: cargo xtask long"]
 fn call_failing_with_any_error_leaves_all_outputs_or_none() {
     every_call_fails(Codes::Both, false);
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "minutes: cargo xtask long"]
 fn disk_that_stays_broken_leaves_all_outputs_or_none_or_says_which() {
     every_call_fails(Codes::Both, true);
 }

@@ -328,10 +328,11 @@ fn live_view_changes_no_sample_and_reports_who_can_connect() {
             && !result.contains("warning: --listen"),
         "{result}"
     );
-    let (_, told) = captured("open", "--listen 0.0.0.0:0");
+    let (_, printed) = captured("open", "--listen 0.0.0.0:0");
     assert!(
-        told.contains("warning: --listen 0.0.0.0:") && told.contains("everyone who can reach"),
-        "{told}"
+        printed.contains("warning: --listen 0.0.0.0:")
+            && printed.contains("everyone who can reach"),
+        "{printed}"
     );
 }
 

@@ -56,12 +56,12 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
         return None;
     }
     let marker = "note: peak memory ";
-    let told = ran
+    let peak = ran
         .stderr
         .lines()
         .find_map(|line| line.strip_prefix(marker));
-    let told = told.unwrap_or_else(|| panic!("no peak in {ran:?}"));
-    let (number, unit) = told.split_once(' ').unwrap();
+    let peak = peak.unwrap_or_else(|| panic!("no peak in {ran:?}"));
+    let (number, unit) = peak.split_once(' ').unwrap();
     let peak = number.parse::<f64>().unwrap()
         * match unit {
             "KiB" => 1024.0 / MIB,

@@ -60,9 +60,9 @@ impl Encoder {
     }
 }
 
-pub(crate) fn routes(board: Arc<LiveState>) -> Router {
-    let board = Arc::new(Encoder {
-        live: board,
+pub(crate) fn routes(live: Arc<LiveState>) -> Router {
+    let encoder = Arc::new(Encoder {
+        live,
         pictures: Semaphore::new(1),
         events: Semaphore::new(1),
         encoded: Mutex::new(None),
@@ -88,11 +88,11 @@ pub(crate) fn routes(board: Arc<LiveState>) -> Router {
         .route("/colours", get(colours))
         .route("/events", get(events))
         .route("/picture", get(picture))
-        .with_state(board)
+        .with_state(encoder)
 }
 
-async fn picture(State(board): State<Arc<Encoder>>) -> Response {
-    match board.picture().await {
+async fn picture(State(encoder): State<Arc<Encoder>>) -> Response {
+    match encoder.picture().await {
         Some(bytes) => {
             let kind = [(header::CONTENT_TYPE, "application/octet-stream")];
             (kind, bytes).into_response()
@@ -103,15 +103,15 @@ async fn picture(State(board): State<Arc<Encoder>>) -> Response {
 
 /// Event stream of one client: what was sent last, and when.
 struct ClientStream {
-    board: Arc<Encoder>,
+    encoder: Arc<Encoder>,
     revision: u64,
     sweep: Option<u64>,
     at: Option<Instant>,
 }
 
-async fn events(State(board): State<Arc<Encoder>>) -> impl IntoResponse {
+async fn events(State(encoder): State<Arc<Encoder>>) -> impl IntoResponse {
     let client = ClientStream {
-        board,
+        encoder,
         revision: 0,
         sweep: None,
         at: None,
@@ -132,7 +132,7 @@ impl ClientStream {
             if let Some(due) = due {
                 tokio::time::sleep_until(due).await;
             }
-            if self.board.live.revision() != self.revision {
+            if self.encoder.live.revision() != self.revision {
                 self.at = Some(Instant::now());
                 return self.changed().await;
             }
@@ -145,8 +145,8 @@ impl ClientStream {
     }
 
     async fn changed(&mut self) -> Bytes {
-        let _permit = self.board.events.acquire().await;
-        let (live, last) = (Arc::clone(&self.board.live), self.sweep);
+        let _permit = self.encoder.events.acquire().await;
+        let (live, last) = (Arc::clone(&self.encoder.live), self.sweep);
         let encoded = spawn_blocking(move || event(&live, last)).await;
         let Ok((bytes, revision, sweep)) = encoded else {
             return Bytes::from_static(b": no event\n\n");
@@ -194,7 +194,7 @@ mod tests {
             encoded: Mutex::new(None),
         });
         let mut client = ClientStream {
-            board: Arc::clone(&encoder),
+            encoder: Arc::clone(&encoder),
             revision: 0,
             sweep: None,
             at: None,

@@ -119,23 +119,7 @@ impl Axes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::product::Pixels;
-    use num_complex::Complex32;
-    use subaperture_model::geometry::ImageGrid;
-    use subaperture_model::image::Image;
-
-    fn product(grid: &str) -> Product {
-        let grid: ImageGrid = grid.parse().unwrap();
-        let image = Image {
-            rows: grid.rows.count,
-            columns: grid.columns.count,
-            pixels: vec![Complex32::ONE; grid.num_pixels() as usize],
-        };
-        Product {
-            grid: Some(grid),
-            ..Product::new("a".to_owned(), Pixels::whole(Box::new(image)))
-        }
-    }
+    use crate::product::samples::of_ones;
 
     fn assert_near(found: Option<[f64; 2]>, expected: [f64; 2], tolerance: f64) {
         let found = found.unwrap();
@@ -153,7 +137,7 @@ mod tests {
             longitude_deg: 10.0,
             height_m: 300.0,
         };
-        let mut shown = product("x=-20:21:1,y=-10:11:0.5,z=0,yaw=30");
+        let mut shown = of_ones("x=-20:21:1,y=-10:11:0.5,z=0,yaw=30", SceneFrame::Local);
         shown.antenna_m = Some(DVec3::new(-600.0, -800.0, 5000.0));
         let angle = (0.8f64 / 0.6).atan() - 30f64.to_radians();
         // The centre of the rows is 0.25 m off the origin.
@@ -171,7 +155,7 @@ mod tests {
         assert_eq!(Axes::of(&shown).look, None);
         let names = |axes: &Axes| [axes.rows.name, axes.columns.unit];
         assert_eq!(names(&placed), ["y", "m"]);
-        let polar = Axes::of(&product("r=100:200:1,theta=-30:30:0.5"));
+        let polar = Axes::of(&of_ones("r=100:200:1,theta=-30:30:0.5", SceneFrame::Local));
         assert_eq!((names(&polar), polar.look), (["range", "°"], None));
         assert!((polar.columns.start + 30.0).abs() < 1e-9);
         assert!((polar.columns.step - 0.5).abs() < 1e-9);
@@ -189,7 +173,7 @@ mod tests {
         let [east, north, up] = origin.east_north_up();
         let (sin, cos) = 40f64.to_radians().sin_cos();
         let (drop, along) = 35f64.to_radians().sin_cos();
-        let mut shown = product("x=-20:21:1,y=-20:21:1,z=0");
+        let mut shown = of_ones("x=-20:21:1,y=-20:21:1,z=0", SceneFrame::Local);
         shown.frame = SceneFrame::Earth {
             origin_ecf_m: origin.to_ecf_m(),
             x_axis_ecf: east * cos - north * sin,

@@ -143,24 +143,8 @@ fn middle_height_m(product: &Product, grid: &ImageGrid) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::product::Pixels;
-    use num_complex::Complex32;
+    use crate::product::samples::of_ones;
     use serde_json::Value;
-    use subaperture_model::image::Image;
-
-    fn product(grid: &str, frame: SceneFrame) -> Product {
-        let grid: ImageGrid = grid.parse().unwrap();
-        let image = Image {
-            rows: grid.rows.count,
-            columns: grid.columns.count,
-            pixels: vec![Complex32::ONE; grid.num_pixels() as usize],
-        };
-        Product {
-            grid: Some(grid),
-            frame,
-            ..Product::new("a".to_owned(), Pixels::whole(Box::new(image)))
-        }
-    }
 
     fn places(layer: &Layer, product: &Product) -> Vec<[f64; 2]> {
         let sent: Value = serde_json::from_str(&layer.over(product)).unwrap();
@@ -185,7 +169,7 @@ mod tests {
             height_m: 300.0,
         };
         let frame = SceneFrame::east_north_up(&origin);
-        let shown = product("x=-200:200:2,y=-100:100:1,z=0", frame);
+        let shown = of_ones("x=-200:200:2,y=-100:100:1,z=0", frame);
         let e2: f64 = 6.694_379_990_14e-3;
         let meridian = 6_378_137.0 * (1.0 - e2) / (1.0 - e2 / 2.0).powf(1.5) + 300.0;
         let across = (6_378_137.0 / (1.0 - e2 / 2.0).sqrt() + 300.0) * 0.5f64.sqrt();
@@ -209,7 +193,7 @@ mod tests {
         // Tracks are in metres for any image.
         let track = Layer::of_track("t".to_owned(), &[DVec3::ZERO, DVec3::new(30.0, 50.0, 7.0)]);
         assert_eq!(places(&track, &shown), expected);
-        let local = product("x=-200:200:2,y=-100:100:1,z=0", SceneFrame::Local);
+        let local = of_ones("x=-200:200:2,y=-100:100:1,z=0", SceneFrame::Local);
         let features = geojson::parse(br#"{"type":"Point","coordinates":[30,50]}"#).unwrap();
         let layer = Layer::of_features("l".to_owned(), features).unwrap();
         assert_eq!(places(&layer, &local), [[150.0, 115.0]]);

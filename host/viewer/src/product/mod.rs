@@ -56,6 +56,8 @@ mod pixels;
 mod point;
 mod region;
 mod routes;
+#[cfg(test)]
+mod samples;
 mod shown;
 mod tile;
 
