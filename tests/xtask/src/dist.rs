@@ -2,7 +2,7 @@
 //!
 //! An archive holds the static command, man pages, shell completions, licences (those of every dependency included), README and CHANGELOG. Man
 //! pages and completions are written by the command itself, by the build for this machine's processor. Finished archives are unpacked and checked,
-//! and `subap demo` runs in the one for this machine, without any other file.
+//! and `subap demo` runs in the one for this machine, without any other file, and in the one for AArch64 under `qemu-aarch64` if that is installed.
 
 mod check;
 
@@ -114,7 +114,13 @@ fn check(place: &Path, archive: &str, native: &Path, is_native: bool) -> Result<
     let pages = unpacked.check_files(native)?;
     println!("{archive}: {pages} man pages, completions, documents and licences are complete");
     if !is_native {
-        println!("{archive}: subap demo not run: it is for another processor");
+        match Need::QemuUser.is_met() {
+            true => println!(
+                "{archive}: subap demo under qemu-aarch64:\n{}",
+                unpacked.demo_emulated()?
+            ),
+            false => println!("{archive}: subap demo SKIPPED: qemu-aarch64 is not installed"),
+        }
         return Ok(());
     }
     match unpacked.demo()? {

@@ -1,4 +1,4 @@
-//! Checks of a finished archive: its files, and `subap demo` in a root folder that has nothing else.
+//! Checks of a finished archive: its files, and `subap demo`, in a root folder that has nothing else or under emulation.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,14 +52,25 @@ impl Unpacked {
         let Some(before) = self.change_root()? else {
             return Ok(None);
         };
-        let output = self.command(before, &["demo"]);
-        let output = output.map_err(|error| format!("{before:?}: {error}"))?;
-        let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
+        self.demo_by(self.command(before, &["demo"])).map(Some)
+    }
+
+    /// Run `subap demo` of an AArch64 archive under `qemu-aarch64`, with an empty environment. Returns its output.
+    pub(super) fn demo_emulated(&self) -> Result<String, String> {
+        let mut command = Command::new("qemu-aarch64");
+        command.arg(self.root.join("subap")).arg("demo");
+        command.current_dir(&self.root);
+        self.demo_by(bare(&mut command).output())
+    }
+
+    /// Check the result of `subap demo` in the root folder. Returns its standard output.
+    fn demo_by(&self, output: std::io::Result<Output>) -> Result<String, String> {
+        let output = output.map_err(|error| format!("subap demo: {error}"))?;
         let overview = self.root.join("subap-demo/overview.png");
         if !output.status.success() || !overview.is_file() {
             let stderr = String::from_utf8_lossy(&output.stderr);
             return Err(format!(
-                "subap demo with the archive as root folder: {}, overview.png {}: {stderr}",
+                "subap demo of the archive: {}, overview.png {}: {stderr}",
                 output.status,
                 if overview.is_file() {
                     "written"
@@ -68,7 +79,7 @@ impl Unpacked {
                 }
             ));
         }
-        Ok(Some(stdout))
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     }
 
     /// The first command that changes the root folder and starts `subap` there.
@@ -95,11 +106,15 @@ impl Unpacked {
     fn command(&self, before: &[&str], arguments: &[&str]) -> std::io::Result<Output> {
         let mut command = Command::new(before[0]);
         command.args(&before[1..]).arg(&self.root).arg("/subap");
-        command.args(arguments).env_clear();
-        // Finds chroot and unshare; the archive has no such folders.
-        command.env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin");
-        command.output()
+        bare(command.args(arguments)).output()
     }
+}
+
+/// Give the command an empty environment, except for the folders of chroot, unshare and qemu-aarch64, which the archive lacks.
+fn bare(command: &mut Command) -> &mut Command {
+    command
+        .env_clear()
+        .env("PATH", "/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin")
 }
 
 impl Drop for Unpacked {
