@@ -29,8 +29,8 @@
 //!
 //! *Pixels spread evenly alone.* The second pass is left out where the first settles that the bound is kept, and pulses of a
 //! live image cannot be read again. Then `E` is the estimate from the pixels spread evenly times `C`: 1.6 where they err as planned, 2
-//! where they err by more, and 10 where errors may sit in few pixels: where they err by 6 dB more than planned, or the grid is dark, `M`
-//! less than 0.3 of `T`, the power that noise would show.
+//! where they err by more, and 10 where errors may sit in few pixels: where they err by 6 dB more than planned, the grid is dark (`M`
+//! less than 0.3 of `T`, the power that noise would show), or their mean square is less than half of `M`.
 //!
 //! *Planned again.* Where the plan keeps the bound and the image exceeds it, the image is formed once more with a stricter plan
 //! ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), at more than twice the work. If that exceeds the bound too, it is an error.
@@ -255,8 +255,8 @@ pub fn comparison_cost(spec: &ImageSpec) -> StageCost {
 }
 
 /// Error of an image from the records of all tiles and, where needed, from a second pass at pixels with the image's power. The second pass is
-/// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than planned, and the planned error plus
-/// the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
+/// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels are as bright as the image and err no more than planned, and the
+/// planned error plus the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
 /// in addition to echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
 /// overlaps. A second pass reads all pulses of `history` again. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
 ///
@@ -283,7 +283,7 @@ pub(super) fn judge_again(
     let is_predicted = outside_db <= planned.planned_db.max(judgement.outside_db);
     let settled = goal.bound_db.is_some_and(keeps)
         && is_predicted
-        && !compared.is_dark()
+        && !compared.is_uneven()
         && compared.shown() <= power(planned.planned_db);
     if settled || compared.count == compared.total {
         return Ok(judgement);

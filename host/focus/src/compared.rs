@@ -7,7 +7,7 @@ use super::second_look::{Estimate, square_error};
 use super::{ImageSpec, RecordedEnergy, rounding, stray};
 use subaperture_kernels::horner;
 
-/// Factors `C` of the formula in [`super::accuracy`] where not all pixels are compared: error as planned, error larger than planned,
+/// Factors `C` of the formula in [`super::accuracy`] where only evenly spread pixels are compared: error as planned, error larger than planned,
 /// and error possibly concentrated in few pixels.
 const SCATTER: f64 = 1.6;
 const LARGER_SCATTER: f64 = 2.0;
@@ -18,6 +18,9 @@ const UNEVEN: f64 = 4.0;
 
 /// Ratio of mean square to term power below which a grid counts as dark.
 const DARK: f64 = 0.3;
+
+/// Ratio of the compared pixels' mean square to that of the image below which the image has its power, and its error, in pixels that were not compared.
+const REPRESENTATIVE: f64 = 0.5;
 
 /// Relative mean square error above which the formed pixels are dominated by the error rather than the scene.
 const SPOILT: f64 = 0.01;
@@ -119,8 +122,15 @@ impl Compared {
         self.error / self.count as f64 / self.mean
     }
 
+    /// Whether the error may be concentrated in pixels that were not compared: the image is much weaker than noise of the same sample power, or
+    /// the compared pixels are much weaker than the image.
+    pub(super) fn is_uneven(&self) -> bool {
+        let compared = self.exact / self.count as f64;
+        self.is_dark() || compared < REPRESENTATIVE * self.mean
+    }
+
     /// Whether the image is much weaker than noise of the same sample power.
-    pub(super) fn is_dark(&self) -> bool {
+    fn is_dark(&self) -> bool {
         self.mean < DARK * self.terms
     }
 }
@@ -166,7 +176,7 @@ pub(super) fn measure(
         let above = shown / libm::pow(10.0, planned_db / 10.0);
         shown
             * match () {
-                () if compared.is_dark() || above > UNEVEN => UNEVEN_SCATTER,
+                () if compared.is_uneven() || above > UNEVEN => UNEVEN_SCATTER,
                 () if above > 1.0 => LARGER_SCATTER,
                 () => SCATTER,
             }
