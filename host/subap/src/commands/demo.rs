@@ -192,7 +192,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         exact_taken,
         grating_lobe_m: survey.grating_lobe_m(130),
     };
-    writing::write(session, typed, &grid, &exact.image, &report, start)?;
+    let files = writing::write(session, typed, &grid, &exact.image, &report, start)?;
     for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
         messages::bound_missed(format!(
             "{} exceeds its bound; see the table",
@@ -201,7 +201,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     }
     if session.json() {
         let mut table = report.to_json();
-        table["files"] = json!(writing::written(&typed.out, &outcomes));
+        table["files"] = json!(files);
         table["run"] = record_of_run(session, start.elapsed());
         return text::say_json("demo", table);
     }

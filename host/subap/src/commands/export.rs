@@ -12,12 +12,12 @@ use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
 use subaperture::images::{ImageKind, OpenImage, PixelGeometry, Pixels};
 use subaperture::io::claim::OutputClaims;
+use subaperture::io::written::{FileKind, WrittenFile};
 
 use super::stored;
 use crate::args::{Export, ImageFormat, Mapping, Writing};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::files::OutputFile;
 use crate::text;
 use maps::MapFormat;
 
@@ -155,7 +155,7 @@ pub(crate) struct Written {
     /// JSON result without its files.
     about: Value,
     /// The output file, then its sidecars.
-    pub(crate) files: Vec<OutputFile>,
+    pub(crate) files: Vec<WrittenFile>,
     /// Line printed for the user.
     line: String,
 }
@@ -167,7 +167,7 @@ impl Written {
         Self {
             name: "export",
             about: json!({ "bytes": bytes }),
-            line: file.path().to_owned(),
+            line: file.path.display().to_string(),
             files: vec![file],
         }
     }
@@ -175,8 +175,16 @@ impl Written {
 
 impl One<'_> {
     /// The output file with its kind.
-    fn file(&self) -> OutputFile {
-        OutputFile::new(self.out, self.format.name())
+    fn file(&self) -> WrittenFile {
+        let kind = match self.format {
+            ImageFormat::Sicd => FileKind::Sicd,
+            ImageFormat::Sidd => FileKind::Sidd,
+            ImageFormat::Cog => FileKind::Cog,
+            ImageFormat::Kmz => FileKind::Kmz,
+            ImageFormat::Png => FileKind::Png,
+            ImageFormat::Zarr => FileKind::Zarr,
+        };
+        WrittenFile::new(self.out, kind)
     }
 
     /// Check that the options apply to the format.

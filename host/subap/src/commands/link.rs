@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, bail};
 use serde_json::json;
 use subaperture::io::ours::Kind;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::module::link::{
     self, Buffers, Counts, Job, LinkError, MapSink, ModuleAddress, Outcome, SessionObserver,
     Settings, SinkError, TransferEnd,
@@ -26,7 +27,6 @@ use crate::advice;
 use crate::args::Link;
 use crate::config::{Session, record_of_run};
 use crate::failure::{InterruptedWithMaps, Usage};
-use crate::files::OutputFile;
 use crate::progress::Progress;
 use crate::{interrupt, messages, text};
 
@@ -123,10 +123,10 @@ fn report(
         }
         let mut files = Vec::new();
         if maps > 0 {
-            files.push(OutputFile::new(&typed.out, "maps"));
+            files.push(WrittenFile::new(&typed.out, FileKind::Maps));
         }
         let picture = typed.picture.iter().filter(|path| path.exists());
-        files.extend(picture.map(|path| OutputFile::new(path, "picture")));
+        files.extend(picture.map(|path| WrittenFile::new(path, FileKind::Picture)));
         report["files"] = json!(files);
         text::say_json("link", report)?;
     } else if session.prints_text() && maps > 0 {
