@@ -37,7 +37,7 @@ use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::written::{FileKind, WrittenFile};
-use subaperture::job::{FinishedStage, JobText, NAME, RunReason, StageOutput, State};
+use subaperture::job::{FinishedStage, JobText, NAME, StageOutput, State};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 
 use crate::args::{Run, Writing};
@@ -46,7 +46,7 @@ use crate::failure::InterruptedJob;
 use crate::{interrupt, messages, text};
 use chain::{Link, REPORT, Stage};
 use job::Job;
-use work::Worker;
+use work::{StageOutcome, Worker};
 
 /// Run a job, or print the keys or an example of jobs.
 pub(crate) fn run(session: &Session, args: &Run) -> anyhow::Result<()> {
@@ -83,15 +83,6 @@ pub(crate) fn run(session: &Session, args: &Run) -> anyhow::Result<()> {
         }
         result => result,
     }
-}
-
-/// Outcome of a stage.
-struct StageOutcome {
-    name: &'static str,
-    /// Why the stage was run; `None` if its outputs were up to date.
-    why: Option<RunReason>,
-    /// Processing time, seconds; for a reused stage that of its run.
-    seconds: f64,
 }
 
 /// Run the stages that are not up to date, and write the report.

@@ -12,7 +12,8 @@ use subaperture::plot::{self, Colours, Panel, PlotError, Scale};
 use subaperture::signal::window::Window;
 use subaperture::simulate::Preset;
 
-use super::{GRID, Outcome, report};
+use super::report;
+use super::trials::{GRID, Outcome};
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
 use crate::interrupt;

@@ -16,7 +16,7 @@ use subaperture::io::written::WrittenFile;
 use subaperture::maps::{self, Levels, MapError, Ortho, Projection, Raster, Source, cog::Layout};
 use subaperture::on_map::SicdOnMap;
 
-use super::{One, Written};
+use super::one::{One, Written, recorded, whole};
 use crate::args::{ImageFormat, MapLayout, MapProjection, RemapName};
 use crate::config::Session;
 use crate::failure::Usage;
@@ -96,11 +96,11 @@ pub(super) fn claim(one: &One, format: MapFormat, claims: &mut OutputClaims) -> 
 /// Read a product or SICD and write its map.
 pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::Result<Written> {
     let wanted = Wanted::of(one, format)?;
-    let image = super::whole(session, one.folder)?;
+    let image = whole(session, one.folder)?;
     if let PixelGeometry::Sicd { on_map, .. } = &image.lies {
         return write_sicd(session, &wanted, &image, on_map.as_ref().as_ref());
     }
-    let (grid, record) = super::recorded(one, &image)?;
+    let (grid, record) = recorded(one, &image)?;
     let frame = frame(one, &record)?;
     let looks = image.looks().ok_or(MapError::Unseen)?;
     let source = Source {

@@ -15,13 +15,12 @@ use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::job::{Basis, FinishedStage, JobText, RunReason, StageOutput, State, fingerprint};
 use subaperture::phase_history::InputFile;
 
-use super::StageOutcome;
 use super::chain::{Link, REPORT, Stage};
 use super::job::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
 use super::keys;
 use super::page::{Cells, Page, Row, escaped};
 use super::tables::{self, decibels, seconds, words};
-use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, Worker};
+use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, StageOutcome, Worker};
 use crate::config::Session;
 use crate::{log, text};
 

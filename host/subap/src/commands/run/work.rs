@@ -25,6 +25,15 @@ pub(super) const CHECK_JSON: &str = "check.json";
 pub(super) const QUALITY_JSON: &str = "quality.json";
 pub(super) const PLOTS: &str = "quality";
 
+/// Outcome of a stage.
+pub(super) struct StageOutcome {
+    pub(super) name: &'static str,
+    /// Why the stage was run; `None` if its outputs were up to date.
+    pub(super) why: Option<RunReason>,
+    /// Processing time, seconds; for a reused stage that of its run.
+    pub(super) seconds: f64,
+}
+
 /// Processing of the stages of one job.
 pub(super) struct Worker<'a> {
     /// Session without output of results.
