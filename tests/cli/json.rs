@@ -129,7 +129,14 @@ fn every_command_prints_one_object() {
         "simulate --preset table-4-1 -o scene.cphd",
         "subaperture-simulate",
     );
-    assert_eq!(got["written"][0]["pulses"], 1040);
+    assert_eq!(
+        got["files"],
+        json!([{
+            "path": "scene.cphd",
+            "kind": "phase history",
+            "channels": [{ "channel": "1", "pulses": 1040, "samples": 256 }],
+        }])
+    );
     assert_eq!(
         object(folder, "info scene.cphd", "subaperture-info")["num_pulses"],
         1040

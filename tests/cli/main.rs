@@ -11,6 +11,7 @@ mod cases;
 mod channels;
 mod claimed_sizes;
 mod compare;
+mod completions;
 #[path = "../../host/viewer/tests/driver.rs"]
 mod driver;
 mod echoes;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use subaperture_tests::subap::{listing, run};
+use subaperture_tests::subap::{listing, root, run};
 use tempfile::TempDir;
 
 use crate::every_command::{COMMANDS, workplace};
@@ -123,11 +123,21 @@ fn state(folder: &Path) -> Vec<(PathBuf, u64, std::time::SystemTime)> {
         .collect()
 }
 
+/// Kinds of files in the guide.
+fn explained_kinds() -> BTreeSet<String> {
+    let guide = root().join("host/guide/src/reference/output.md");
+    let text = std::fs::read_to_string(guide).unwrap();
+    let (_, table) = text.split_once("| `kind` | file |\n").unwrap();
+    let first_cells = table.lines().filter_map(|row| row.split('|').nth(1));
+    let kinds = first_cells.flat_map(|cell| cell.split('`').skip(1).step_by(2));
+    kinds.map(str::to_owned).collect()
+}
+
 #[test]
 fn json_lists_exactly_the_written_files() {
     let folder = workplace();
     let at = folder.path();
-    let mut writers = BTreeSet::new();
+    let (mut writers, mut kinds) = (BTreeSet::new(), BTreeSet::new());
     for line in lines() {
         let name = line.split(' ').next().unwrap().to_owned();
         if PLAIN.contains(&name.as_str()) {
@@ -146,9 +156,22 @@ fn json_lists_exactly_the_written_files() {
         let files = result["files"].as_array().cloned().unwrap_or_default();
         let mut listed = BTreeSet::new();
         for file in &files {
+            let mut file = file.clone();
+            let kind = file["kind"].as_str().unwrap().to_owned();
+            let channels = file.as_object_mut().unwrap().remove("channels");
+            if let Some(channels) = channels {
+                assert!(
+                    ["phase history", "recording"].contains(&kind.as_str()),
+                    "{line}"
+                );
+                for channel in channels.as_array().unwrap() {
+                    let keys: Vec<&String> = channel.as_object().unwrap().keys().collect();
+                    assert_eq!(keys, ["channel", "pulses", "samples"], "{line}");
+                }
+            }
             let keys: Vec<&String> = file.as_object().unwrap().keys().collect();
             assert_eq!(keys, ["kind", "path"], "{line}");
-            assert!(file["kind"].as_str().is_some_and(|kind| !kind.is_empty()));
+            kinds.insert(kind);
             listed.insert(PathBuf::from(file["path"].as_str().unwrap()));
         }
         assert_eq!(listed.len(), files.len(), "{line}: a file is listed twice");
@@ -157,7 +180,9 @@ fn json_lists_exactly_the_written_files() {
             writers.insert(name);
         }
     }
-    println!("{writers:?}");
+    println!("{writers:?} {kinds:?}");
+    let explained = explained_kinds();
+    assert!(kinds.is_subset(&explained), "{kinds:?} {explained:?}");
     for name in [
         "focus",
         "velocity",

@@ -1,11 +1,14 @@
 //! Rules for sources: image formers are found by their list, with stated exceptions; code that affects an image's bits uses no functions of
-//! the platform; no two files import each other.
+//! the platform; no two files import each other, parents and children included.
 
 mod import_cycles;
+mod modules;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use import_cycles::Imports;
 use subaperture::focus::formers::FORMERS;
 use subaperture_tests::subap::{root, run};
 
@@ -40,7 +43,10 @@ const EXCEPTIONS: [(&str, &str); 7] = [
         "host/planner/src/radar.rs",
         "the thesis's mode, whose lobes are planned",
     ),
-    ("host/subap/src/commands/demo.rs", "modes of the thesis"),
+    (
+        "host/subap/src/commands/demo/trials.rs",
+        "modes of the thesis",
+    ),
     (
         "host/subap/src/commands/focus/check.rs",
         "errors are those against the exact sum",
@@ -299,7 +305,65 @@ fn code_that_affects_bits_uses_no_platform_functions() {
     assert!(searched > 150, "{searched}");
 }
 
-/// Imports between files of a crate have one direction, as those between crates.
+/// Imports that are part of a circle: folder of the crate, importing and imported module, reason.
+const CIRCULAR: [(&str, &str, &str, &str); 9] = [
+    (
+        "host/focus/src",
+        "former",
+        "execute",
+        "a provided method of the trait forms an image by the list of formers",
+    ),
+    (
+        "host/focus/src",
+        "frequency_domain::motion::uneven",
+        "frequency_domain::axes",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::focus::deliver",
+        "commands::focus",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::focus::from_maps",
+        "commands::focus",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::focus::record",
+        "commands::focus",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::focus::tiled",
+        "commands::focus",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::quality::from",
+        "commands::quality",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::quality::pictures",
+        "commands::quality",
+        "to be separated",
+    ),
+    (
+        "host/subap/src",
+        "commands::tune::pictures",
+        "commands::tune",
+        "to be separated",
+    ),
+];
+
+/// Imports between files of a crate have one direction, as those between crates. A parent imports its children, or they import it.
 #[test]
 fn files_have_no_circular_imports() {
     let hosts = fs::read_dir(root().join("host")).unwrap();
@@ -307,6 +371,7 @@ fn files_have_no_circular_imports() {
     let crates = hosts.chain(["core", "firmware"].map(|name| root().join(name)));
     let mut found = String::new();
     let mut searched = 0;
+    let mut used = BTreeSet::new();
     for folder in crates.map(|folder| folder.join("src")) {
         let files: Vec<(String, String)> = sources(&folder)
             .into_iter()
@@ -317,9 +382,19 @@ fn files_have_no_circular_imports() {
             })
             .collect();
         searched += files.len();
-        for cycle in import_cycles::cycles(&files) {
-            let place = folder.strip_prefix(root()).unwrap();
-            found += &format!("\nin {}:\n    {}", place.display(), cycle.join("\n    "));
+        let place = folder.strip_prefix(root()).unwrap().display().to_string();
+        let mut imports = Imports::of(&files);
+        for exception in CIRCULAR.iter().filter(|exception| exception.0 == place) {
+            let (_, from, to, _) = exception;
+            if imports.is_circular(from, to) {
+                used.insert(exception);
+            }
+        }
+        for (_, from, to, _) in CIRCULAR.iter().filter(|exception| exception.0 == place) {
+            imports.remove(from, to);
+        }
+        for cycle in imports.cycles() {
+            found += &format!("\nin {place}:\n    {}", cycle.join("\n    "));
         }
     }
     assert!(
@@ -327,6 +402,11 @@ fn files_have_no_circular_imports() {
         "these files import each other; move the shared items to a file below them:{found}"
     );
     assert!(searched > 300, "{searched}");
+    let unused = CIRCULAR
+        .iter()
+        .filter(|exception| !used.contains(exception));
+    let unused: Vec<_> = unused.collect();
+    assert!(unused.is_empty(), "no exception is needed for {unused:#?}");
 }
 
 /// Every option of the list exists, with its help and completion.

@@ -15,10 +15,9 @@ use cortex_m::peripheral::NVIC;
 use embedded_hal::digital::{self, OutputPin};
 use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
 
-use super::Board;
-
-const CLOCK_HZ: u32 = 25_000_000;
-const BAUD: u32 = 921_600;
+use super::cmsdk::{BAUD, CLOCK_HZ, Registers};
+use super::interface::Board;
+use super::uart;
 
 /// MPS2 board with FPGA image AN500.
 #[derive(Debug)]
@@ -223,80 +222,8 @@ impl Write for Uart {
     }
 }
 
-/// Write a line of log to UART1.
-#[cfg(not(feature = "defmt"))]
-pub(super) fn line(message: core::fmt::Arguments<'_>) {
-    let registers = Registers(0x4000_5000);
-    // Set up every time, since a line may be logged before any other initialisation.
-    registers.write(uart::BAUDDIV, CLOCK_HZ / BAUD);
-    registers.write(uart::CTRL, uart::TX_ENABLE);
-    // Cannot fail: it waits until there is room.
-    let _ = core::fmt::write(&mut Log(registers), format_args!("{message}\n"));
-}
-
-/// UART1 as a text output.
-#[cfg(not(feature = "defmt"))]
-struct Log(Registers);
-
-#[cfg(not(feature = "defmt"))]
-impl core::fmt::Write for Log {
-    fn write_str(&mut self, text: &str) -> core::fmt::Result {
-        for byte in text.bytes() {
-            while self.0.read(uart::STATE) & uart::TX_FULL != 0 {}
-            self.0.write(uart::DATA, u32::from(byte));
-        }
-        Ok(())
-    }
-}
-
-/// 32-bit registers of a peripheral.
-#[derive(Debug)]
-struct Registers(usize);
-
-impl Registers {
-    fn read(&self, offset: usize) -> u32 {
-        // SAFETY: only `An500::take` and `line` create these, from peripheral addresses; `offset` is one of the constants
-        // below, aligned and within the peripheral.
-        unsafe { ((self.0 + offset) as *const u32).read_volatile() }
-    }
-
-    fn write(&self, offset: usize, value: u32) {
-        // SAFETY: as above.
-        unsafe { ((self.0 + offset) as *mut u32).write_volatile(value) }
-    }
-}
-
 /// LED register, one bit per LED.
 const FPGA_LEDS: usize = 0x0;
-
-mod uart {
-    /// Interrupts of UART0.
-    #[derive(Clone, Copy)]
-    pub(super) struct Interrupt(u16);
-
-    // SAFETY: the numbers are those of the AN500 interrupt table and never change.
-    unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
-        fn number(self) -> u16 {
-            self.0
-        }
-    }
-
-    pub(super) const RX: Interrupt = Interrupt(0);
-    pub(super) const TX: Interrupt = Interrupt(1);
-
-    pub(super) const DATA: usize = 0x0;
-    pub(super) const STATE: usize = 0x4;
-    pub(super) const CTRL: usize = 0x8;
-    pub(super) const INTCLEAR: usize = 0xc;
-    pub(super) const BAUDDIV: usize = 0x10;
-    pub(super) const TX_FULL: u32 = 1 << 0;
-    pub(super) const RX_FULL: u32 = 1 << 1;
-    pub(super) const RX_OVERRUN: u32 = 1 << 3;
-    pub(super) const TX_ENABLE: u32 = 1 << 0;
-    pub(super) const RX_ENABLE: u32 = 1 << 1;
-    pub(super) const TX_INTERRUPT: u32 = 1 << 2;
-    pub(super) const RX_INTERRUPT: u32 = 1 << 3;
-}
 
 mod timer {
     pub(super) const CTRL: usize = 0x0;

@@ -20,7 +20,7 @@ use embassy_stm32::{bind_interrupts, rcc};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use static_cell::ConstStaticCell;
 
-use super::Board;
+use super::interface::Board;
 
 const BAUD: u32 = 921_600;
 

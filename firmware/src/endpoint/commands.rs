@@ -4,7 +4,8 @@ use subaperture_core::Pulse;
 use subaperture_core::link::{self, Command, Refusal, State, f32s};
 use subaperture_core::stream::{Patch, PulseError};
 
-use super::{Module, Transfer};
+use super::module::Module;
+use super::transfer::Transfer;
 use crate::engine::WireEngine;
 use crate::products::Products;
 

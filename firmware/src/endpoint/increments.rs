@@ -1,31 +1,39 @@
-//! Runs that produce motion increments instead of maps.
+//! Odometer and state of runs that produce motion increments.
 
-use subaperture_core::link::{Encoding, MAX_ANTENNAS, MotionConfiguration, Refusal, State, places};
-use subaperture_core::motion::{Antennas, Progress, SampleError, Setup, Step};
+use subaperture_core::link::Encoding;
+use subaperture_core::motion::{SampleError, Setup, Step};
 use subaperture_core::stream::PulseCounters;
 
-use super::{Module, Transfer};
-use crate::engine::WireEngine;
 use crate::odometer::WireOdometer;
 
 /// Odometer and state of a motion run.
 #[derive(Default)]
 pub(super) struct Increments<'a> {
-    odometer: Option<&'a mut dyn WireOdometer>,
+    pub(super) odometer: Option<&'a mut dyn WireOdometer>,
     /// Setup, if the current configuration is a motion configuration.
-    setup: Option<Setup>,
-    run: Run,
+    pub(super) setup: Option<Setup>,
+    pub(super) run: Run,
 }
 
 /// Results of the current run.
 #[derive(Default)]
-struct Run {
+pub(super) struct Run {
     /// Number of the pulse after the last one with a result.
     next: u32,
     /// Result of the last pulse, and whether it is still to be sent.
     last: Option<Step>,
-    due: bool,
+    pub(super) due: bool,
     counters: PulseCounters,
+}
+
+impl Run {
+    /// Run whose first pulse has this number.
+    pub(super) fn starting_at(first: u32) -> Self {
+        Self {
+            next: first,
+            ..Self::default()
+        }
+    }
 }
 
 impl<'a> Increments<'a> {
@@ -75,7 +83,8 @@ impl<'a> Increments<'a> {
         self.run.last.filter(|_| due)
     }
 
-    fn push(
+    /// Pass samples of a channel to the odometer.
+    pub(super) fn push(
         &mut self,
         (pulse, channel): (u32, u16),
         reference_path_m: f64,
@@ -108,7 +117,7 @@ impl<'a> Increments<'a> {
     }
 
     /// Record the result of a pulse.
-    fn record(&mut self, step: Step) {
+    pub(super) fn record(&mut self, step: Step) {
         let run = &mut self.run;
         let lost = step.pulse.saturating_sub(run.next);
         run.counters.accepted = run.counters.accepted.saturating_add(1);
@@ -116,130 +125,5 @@ impl<'a> Increments<'a> {
         run.next = step.pulse.saturating_add(1);
         run.last = Some(step);
         run.due = true;
-    }
-}
-
-impl<E: WireEngine> Module<'_, E> {
-    pub(super) fn configure_increments(
-        &mut self,
-        configuration: &MotionConfiguration,
-    ) -> Result<(), Refusal> {
-        if self.is_busy() {
-            return Err(Refusal::Running);
-        }
-        if self.increments.odometer.is_none() {
-            return Err(Refusal::Unsupported);
-        }
-        self.increments.setup = Some(configuration.setup);
-        self.increments.run = Run::default();
-        self.profiles.clear();
-        self.configuration = configuration.id;
-        self.transfer = Transfer::Nothing;
-        self.products.clear();
-        self.state = State::Idle;
-        Ok(())
-    }
-
-    pub(super) fn set_antennas(&mut self, transmitters: u16, bytes: &[u8]) -> Result<(), Refusal> {
-        if self.is_busy() {
-            return Err(Refusal::Running);
-        }
-        let (Some(setup), Some(odometer)) = (&self.increments.setup, &mut self.increments.odometer)
-        else {
-            return Err(Refusal::NotConfigured);
-        };
-        let mut room = [[0.0; 2]; MAX_ANTENNAS];
-        let all = places(bytes);
-        let count = all.len();
-        if !bytes.len().is_multiple_of(16) || count > MAX_ANTENNAS {
-            return Err(Refusal::Antennas);
-        }
-        for (place, own) in room.iter_mut().zip(all) {
-            *place = own;
-        }
-        let both = room
-            .get(..count)
-            .and_then(|all| all.split_at_checked(transmitters.into()));
-        let (transmitters_m, receivers_m) = both.ok_or(Refusal::Antennas)?;
-        let antennas = Antennas {
-            transmitters_m,
-            receivers_m,
-            // The odometer uses the wavelength of the band instead.
-            wavelength_m: 0.0,
-        };
-        let configured = odometer.configure(setup, &antennas);
-        // A configuration that was complete before may no longer be.
-        self.state = State::Idle;
-        configured.map_err(Refusal::Motion)?;
-        self.state = State::Ready;
-        Ok(())
-    }
-
-    pub(super) fn start_increments(&mut self, run: u32, first: u32) {
-        if let Some(odometer) = &mut self.increments.odometer {
-            odometer.start(first);
-        }
-        self.increments.run = Run {
-            next: first,
-            ..Run::default()
-        };
-        self.run = Some(run);
-        self.maps = 0;
-        self.transfer = Transfer::Nothing;
-        self.pulse_refused = false;
-        self.reported_credit = self.increments.accept_through();
-        self.state = State::Running;
-    }
-
-    pub(super) fn push_channel(
-        &mut self,
-        place: (u32, u16),
-        reference_path_m: f64,
-        encoding: Encoding,
-        samples: &[u8],
-    ) -> Result<(), Refusal> {
-        if self.state != State::Running {
-            // Late pulses of a finished run are ignored.
-            return Ok(());
-        }
-        if !self.increments.is_configured() {
-            return self.refuse_pulses(Refusal::NotConfigured);
-        }
-        self.increments
-            .push(place, reference_path_m, encoding, samples);
-        Ok(())
-    }
-
-    /// Do one step, unless an increment waits to be sent.
-    pub(super) fn work_on_increments(&mut self) -> bool {
-        if self.increments.run.due {
-            return false;
-        }
-        let Some(odometer) = &mut self.increments.odometer else {
-            return false;
-        };
-        match odometer.work() {
-            Progress::Busy => true,
-            Progress::Step(step) => {
-                self.increments.record(step);
-                true
-            }
-            Progress::Idle => {
-                if self.state == State::Finishing {
-                    odometer.stop();
-                    self.state = State::Done;
-                    self.due.status = true;
-                }
-                false
-            }
-        }
-    }
-
-    pub(super) fn abort_increments(&mut self) {
-        if let Some(odometer) = &mut self.increments.odometer {
-            odometer.stop();
-        }
-        self.increments.run.due = false;
-        self.state = State::Done;
     }
 }

@@ -17,23 +17,30 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | this one | the endpoint, its state, the order of work |
+//! | this one | the endpoint |
+//! | `module` | its state |
 //! | `commands` | execution of commands, and reasons to refuse them |
-//! | `increments` | runs that produce motion increments |
-//! | `profiles` | runs that produce range profiles |
+//! | `increments`, `increment_runs` | state of runs that produce motion increments, and the runs |
+//! | `profiles`, `profile_runs` | state of runs that produce range profiles, and the runs |
 //! | `reports` | reports to the host, one frame at a time |
+//! | `work` | the order of work |
 
 mod commands;
+mod increment_runs;
 mod increments;
+mod module;
+mod profile_runs;
 mod profiles;
 mod reports;
 mod transfer;
+mod work;
 
 use increments::Increments;
+use module::{Due, Module};
 use profiles::Profiles;
 
-use subaperture_core::link::{Command, Encoder, Received, Receiver, Refusal, State};
-use subaperture_core::stream::{Progress, SubCpiProcessor};
+use subaperture_core::link::{Command, Encoder, Received, Receiver, State};
+use subaperture_core::stream::SubCpiProcessor;
 
 use crate::engine::WireEngine;
 use crate::odometer::WireOdometer;
@@ -149,92 +156,5 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
     /// State of the module.
     pub fn state(&self) -> State {
         self.module.state
-    }
-}
-
-/// Reports to send as soon as the line is free.
-#[derive(Debug)]
-struct Due {
-    identity: bool,
-    status: bool,
-    refusal: Option<(u32, Refusal)>,
-}
-
-/// Everything except the receiver, since commands borrow from its buffer.
-struct Module<'a, E: WireEngine> {
-    processor: SubCpiProcessor<'a, E>,
-    products: Products<'a>,
-    encoder: Encoder,
-    frame: &'a mut [u8],
-    row: &'a mut [u8],
-    /// Range of `frame` still to be sent.
-    pending: (usize, usize),
-    version: &'static str,
-    due: Due,
-    configuration: u32,
-    /// Number of weights received, and number of patches announced.
-    weights: usize,
-    patches: u16,
-    run: Option<u32>,
-    state: State,
-    maps: u32,
-    reported_credit: u32,
-    transfer: Transfer,
-    chip_sent: bool,
-    /// A refused pulse of the run was already reported to the host.
-    pulse_refused: bool,
-    increments: Increments<'a>,
-    profiles: Profiles<'a>,
-}
-
-impl<E: WireEngine> Module<'_, E> {
-    fn work(&mut self) -> bool {
-        if self.increments.is_configured() {
-            return self.work_on_increments();
-        }
-        if self.profiles.is_configured() {
-            return self.work_on_profiles();
-        }
-        match self.transfer {
-            Transfer::Nothing => {}
-            Transfer::Products => {
-                let (setup, map) = (self.processor.setup(), self.processor.map());
-                let more = setup
-                    .zip(map)
-                    .is_some_and(|(setup, map)| self.products.work(setup, &map));
-                if !more {
-                    self.transfer = Transfer::MapStart;
-                }
-                return true;
-            }
-            _ => return false,
-        }
-        match self.processor.work() {
-            Progress::Busy => true,
-            Progress::Map => {
-                if let Some(map) = self.processor.map() {
-                    self.products.begin_map(&map);
-                    self.transfer = Transfer::Products;
-                }
-                true
-            }
-            Progress::Idle => {
-                if self.state == State::Finishing {
-                    self.finish();
-                }
-                false
-            }
-        }
-    }
-
-    /// After the last map: send the chip, then end the run.
-    fn finish(&mut self) {
-        if self.products.chip.is_some_and(|chip| chip.maps > 0) && !self.chip_sent {
-            self.chip_sent = true;
-            self.transfer = Transfer::ChipStart;
-        } else {
-            self.state = State::Done;
-            self.due.status = true;
-        }
     }
 }

@@ -5,7 +5,8 @@ use subaperture_core::link::{
     write_detections, write_map_row,
 };
 
-use super::{Module, Transfer};
+use super::module::Module;
+use super::transfer::Transfer;
 use crate::engine::WireEngine;
 
 impl<E: WireEngine> Module<'_, E> {

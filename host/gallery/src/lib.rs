@@ -28,6 +28,7 @@ mod store;
 use std::path::Path;
 
 use subaperture_io::atomic::WriteError;
+use subaperture_io::written::WrittenFile;
 
 pub use expect::{Expected, expect};
 pub use items::items;
@@ -66,7 +67,8 @@ pub fn names(folder: &Path, items: &[Item]) -> Vec<String> {
     store::names(folder, items)
 }
 
-/// Compute `items` and write them to `folder`, which is created if missing. `on_step` is called for every step.
+/// Compute `items` and write them to `folder`, which is created if missing. `on_step` is called for every step. Returns the
+/// files of all items, reused ones included, and the page.
 ///
 /// # Errors
 /// [`RunError`] if an item or file fails; finished items remain, and the page shows them.
@@ -75,26 +77,30 @@ pub fn run(
     folder: &Path,
     context: &Context,
     mut on_step: impl FnMut(Step),
-) -> Result<(), RunError> {
+) -> Result<Vec<WrittenFile>, RunError> {
     let mut done = Vec::with_capacity(items.len());
+    let mut files = Vec::new();
+    let mut page = None;
     for (index, item) in items.iter().enumerate() {
         on_step(Step::Begun(item, index, items.len()));
         let key = store::key(item, context);
-        let finding = match store::load(folder, item, &key) {
-            Some(finding) => finding,
+        let (finding, stored) = match store::load(folder, item, &key) {
+            Some(loaded) => loaded,
             None => {
                 let made = (item.reproduce)(context);
                 let finding = made.map_err(|source| RunError::Item {
                     id: item.id,
                     source,
                 })?;
-                store::save(folder, item, &key, &finding)?;
-                finding
+                let stored = store::save(folder, item, &key, &finding)?;
+                (finding, stored)
             }
         };
+        files.extend(stored);
         on_step(Step::Done(item, &finding));
         done.push((item, finding));
-        page::write(folder, &done)?;
+        page = Some(page::write(folder, &done)?);
     }
-    Ok(())
+    files.extend(page);
+    Ok(files)
 }

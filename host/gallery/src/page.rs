@@ -10,6 +10,7 @@ use base64::engine::general_purpose::STANDARD;
 use super::{Check, Finding, Item};
 use subaperture_io::atomic::{WriteError, write_atomically};
 use subaperture_io::ours::TEXT_MARK;
+use subaperture_io::written::{FileKind, WrittenFile};
 
 const STYLE: &str = "\
 :root { color-scheme: light dark; --ink: #1b1b1b; --soft: #5c5c5c; --paper: #fff; --line: #d8d8d8; --good: #1a6b32; --bad: #a33b00 }
@@ -129,12 +130,11 @@ fn section(html: &mut String, item: &Item, finding: &Finding) {
 }
 
 /// Write the page atomically.
-pub(super) fn write(folder: &Path, done: &[(&Item, Finding)]) -> Result<(), WriteError> {
+pub(super) fn write(folder: &Path, done: &[(&Item, Finding)]) -> Result<WrittenFile, WriteError> {
     let html = page(done);
-    let bytes = html.len() as u64;
-    write_atomically(&folder.join("index.html"), bytes, |file| {
-        file.write_all(html.as_bytes())
-    })
+    let (path, bytes) = (folder.join("index.html"), html.len() as u64);
+    write_atomically(&path, bytes, |file| file.write_all(html.as_bytes()))?;
+    Ok(WrittenFile::new(path, FileKind::Report))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +11,7 @@ use subaperture_io::atomic::WriteError;
 use subaperture_io::input::open_file;
 use subaperture_io::json::{self, Limits};
 use subaperture_io::together::FileSet;
+use subaperture_io::written::{FileKind, WrittenFile};
 
 /// Size limits of a stored finding.
 const LIMITS: Limits = Limits {
@@ -74,13 +75,18 @@ pub(super) fn names(folder: &Path, items: &[Item]) -> Vec<String> {
     names
 }
 
-fn picture_file(item: &Item, name: &str) -> String {
-    format!("{}-{name}.png", item.id)
+fn picture_path(folder: &Path, item: &Item, name: &str) -> PathBuf {
+    folder.join(format!("{}-{name}.png", item.id))
 }
 
-/// Load a complete finding with this key, if present.
-pub(super) fn load(folder: &Path, item: &Item, key: &str) -> Option<Finding> {
-    let file = open_file(&folder.join(format!("{}.json", item.id))).ok()?;
+fn record_path(folder: &Path, item: &Item) -> PathBuf {
+    folder.join(format!("{}.json", item.id))
+}
+
+/// Load a complete finding with this key and its files, if present.
+pub(super) fn load(folder: &Path, item: &Item, key: &str) -> Option<(Finding, Vec<WrittenFile>)> {
+    let record = record_path(folder, item);
+    let file = open_file(&record).ok()?;
     let Kept {
         key: kept_key,
         mut finding,
@@ -90,28 +96,30 @@ pub(super) fn load(folder: &Path, item: &Item, key: &str) -> Option<Finding> {
     if kept_key != key || pictures_crc32.len() != finding.pictures.len() {
         return None;
     }
+    let mut files = Vec::new();
     for (picture, crc) in finding.pictures.iter_mut().zip(pictures_crc32) {
-        picture.png = fs::read(folder.join(picture_file(item, &picture.name))).ok()?;
+        let path = picture_path(folder, item, &picture.name);
+        picture.png = fs::read(&path).ok()?;
         if crc32(&picture.png) != crc {
             return None;
         }
+        files.push(WrittenFile::new(path, FileKind::Picture));
     }
-    Some(finding)
+    files.push(WrittenFile::new(record, FileKind::Record));
+    Some((finding, files))
 }
 
-/// Keeps a finding with its pictures, all or none.
+/// Keep a finding with its pictures, all or none. Returns the files.
 pub(super) fn save(
     folder: &Path,
     item: &Item,
     key: &str,
     finding: &Finding,
-) -> Result<(), WriteError> {
+) -> Result<Vec<WrittenFile>, WriteError> {
     let mut files = FileSet::new();
     for picture in &finding.pictures {
-        files.write_bytes(
-            &folder.join(picture_file(item, &picture.name)),
-            &picture.png,
-        )?;
+        let path = picture_path(folder, item, &picture.name);
+        files.write_bytes(&path, FileKind::Picture, &picture.png)?;
     }
     let kept = Kept {
         schema: SCHEMA.to_owned(),
@@ -122,8 +130,7 @@ pub(super) fn save(
         finding: finding.clone(),
         pictures_crc32: finding.pictures.iter().map(|p| crc32(&p.png)).collect(),
     };
-    let path = folder.join(format!("{}.json", item.id));
-    files.write(&path, 0, |file| {
+    files.write(&record_path(folder, item), FileKind::Record, 0, |file| {
         let mut text = serde_json::to_vec_pretty(&kept)?;
         text.push(b'\n');
         file.write_all(&text)

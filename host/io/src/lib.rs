@@ -3,7 +3,7 @@
 //!
 //! [`open`] opens recordings by their content. [`product`] is the output folder of an image. [`atomic`],
 //! [`together`], [`place`], [`lock`] and [`claim`] ensure that outputs are complete or absent and replace no file of
-//! another program.
+//! another program. [`written`] lists the written files with their kinds.
 //!
 //! # Features
 //! All are on by default:
@@ -71,6 +71,7 @@ pub mod track_axes;
 pub mod track_csv;
 pub mod unfinished;
 mod write_error;
+pub mod written;
 pub mod xml;
 pub mod zarr;
 

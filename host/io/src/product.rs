@@ -34,9 +34,10 @@ use serde_json::{Value, json};
 
 use super::atomic::WriteError;
 use super::npy;
-use super::staging::{Names, Staged, StagedSet};
+use super::staging::{Contents, Staged, StagedEntry, StagedSet};
 use super::tiles::{self, TileStore};
 use super::together::FileSet;
+use super::written::{FileKind, WrittenFile};
 use subaperture_model::image::Image;
 
 pub use antennas::Antennas;
@@ -69,18 +70,20 @@ pub struct TiledProduct<'a> {
 }
 
 impl TiledProduct<'_> {
-    /// Write record and picture into `folder`, which contains the store.
+    /// Write record and picture into `folder`, which contains the store. Returns all files, the store first.
     ///
     /// # Errors
     /// [`WriteError`], as [`Product::write`].
     ///
     /// # Panics
     /// Panics if `metadata` is not an object.
-    pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
+    pub fn write(&self, folder: &Path) -> Result<Vec<WrittenFile>, WriteError> {
         let tiling = self.store.tiling();
         let image = json!({ "tiles": tiling.count(), "bytes": tiles::disk_bytes(&tiling) });
         let files = json!({ tiles::NAME: image });
-        write_beside(folder, self.metadata, self.quicklook, files)
+        let beside = write_beside(folder, self.metadata, self.quicklook, files)?;
+        let store = WrittenFile::new(folder.join(tiles::NAME), FileKind::Image);
+        Ok([store].into_iter().chain(beside).collect())
     }
 }
 
@@ -90,11 +93,14 @@ fn write_beside(
     metadata: &Value,
     quicklook: &[u8],
     mut files: Value,
-) -> Result<(), WriteError> {
+) -> Result<Vec<WrittenFile>, WriteError> {
     let staged = Staged::begin(folder, quicklook.len() as u64)?;
     files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(quicklook))?;
     write_metadata(&staged, metadata, files)?;
-    commit(staged.complete(names(&[QUICKLOOK], &[])))
+    commit(staged.complete(Contents {
+        files: [METADATA, QUICKLOOK].map(entry).into(),
+        gone: Vec::new(),
+    }))
 }
 
 fn write_metadata(staged: &Staged, metadata: &Value, files: Value) -> Result<(), WriteError> {
@@ -141,7 +147,7 @@ impl Product<'_> {
     ///
     /// # Panics
     /// Panics if `metadata` is not an object.
-    pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
+    pub fn write(&self, folder: &Path) -> Result<Vec<WrittenFile>, WriteError> {
         let mut alone = FileSet::new();
         self.add_to(&mut alone, folder)?;
         alone.commit()
@@ -165,7 +171,7 @@ impl Product<'_> {
 }
 
 /// Write an image from memory, the record made by `describe` and the picture made by `draw` into `folder` like
-/// [`Product::write`]. Returns the record. The image is written, synced and described while the picture is drawn.
+/// [`Product::write`]. The image is written, synced and described while the picture is drawn.
 ///
 /// # Errors
 /// As [`Product::write`]; the error of `draw`. Nothing is then written.
@@ -177,7 +183,7 @@ pub fn write_drawing<E: From<WriteError>>(
     image: &Image,
     describe: impl Fn() -> Value + Sync,
     draw: impl FnOnce() -> Result<Vec<u8>, E>,
-) -> Result<Value, E> {
+) -> Result<Vec<WrittenFile>, E> {
     let staged = Staged::begin(folder, npy::file_bytes(image.pixels.len() as u64))?;
     let write = || {
         let written = staged.write(IMAGE, |out| npy::write_to(out, image));
@@ -193,8 +199,7 @@ pub fn write_drawing<E: From<WriteError>>(
         };
         (written, drawn)
     });
-    commit(finish(staged, written?, &metadata, &drawn?)?)?;
-    Ok(metadata)
+    Ok(commit(finish(staged, written?, &metadata, &drawn?)?)?)
 }
 
 /// Write record and picture of a staged image, whose file `image` describes. Without a new picture, the picture of an
@@ -211,22 +216,32 @@ fn finish(
     }
     write_metadata(&staged, metadata, files)?;
     Ok(staged.complete(match quicklook.is_empty() {
-        true => names(&[IMAGE], &[QUICKLOOK]),
-        false => names(&[IMAGE, QUICKLOOK], &[]),
+        true => Contents {
+            files: [IMAGE, METADATA].map(entry).into(),
+            gone: vec![QUICKLOOK],
+        },
+        false => Contents {
+            files: NAMES.map(entry).into(),
+            gone: Vec::new(),
+        },
     }))
 }
 
-fn names(files: &[&str], gone: &[&str]) -> Names {
-    let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-    Names {
-        files: owned(files),
-        marks: vec![METADATA.to_owned()],
-        gone: owned(gone),
+/// File of a product by its name.
+fn entry(name: &str) -> StagedEntry {
+    let kind = match name {
+        METADATA => FileKind::Record,
+        QUICKLOOK => FileKind::Picture,
+        _ => FileKind::Image,
+    };
+    StagedEntry {
+        file: WrittenFile::new(name, kind),
+        is_mark: name == METADATA,
     }
 }
 
 /// Rename a single set into place.
-fn commit(set: StagedSet) -> Result<(), WriteError> {
+fn commit(set: StagedSet) -> Result<Vec<WrittenFile>, WriteError> {
     let mut alone = FileSet::new();
     alone.add_folder(set);
     alone.commit()

@@ -24,6 +24,7 @@ use super::input::checksum;
 use super::moves::Moves;
 use super::place::OutputPlace;
 use super::unfinished::{self, Unfinished};
+use super::written::WrittenFile;
 
 /// Bytes written at a time: small enough to stay in the cache for the CRC-32 and the copy.
 const AT_ONCE_BYTES: usize = 1 << 16;
@@ -189,30 +190,36 @@ impl Staged {
     }
 
     /// Complete the set once all files are written.
-    pub(super) fn complete(self, names: Names) -> StagedSet {
+    pub(super) fn complete(self, contents: Contents) -> StagedSet {
         StagedSet {
             staged: self,
-            names,
+            contents,
         }
     }
 }
 
-/// Names of the files of a staging folder.
+/// Files of a staging folder. Their paths are relative to it.
 #[derive(Debug, Default)]
-pub(super) struct Names {
-    /// Files that are replaced one by one.
-    pub(super) files: Vec<String>,
-    /// Marks of a complete set.
-    pub(super) marks: Vec<String>,
+pub(super) struct Contents {
+    /// All files.
+    pub(super) files: Vec<StagedEntry>,
     /// Files of an older set that the new one lacks.
-    pub(super) gone: Vec<String>,
+    pub(super) gone: Vec<&'static str>,
+}
+
+/// File of a staging folder.
+#[derive(Debug)]
+pub(super) struct StagedEntry {
+    pub(super) file: WrittenFile,
+    /// Whether the file is a mark of a complete set; other files are replaced one by one.
+    pub(super) is_mark: bool,
 }
 
 /// Staging folder with all its files.
 #[derive(Debug)]
 pub(super) struct StagedSet {
     staged: Staged,
-    names: Names,
+    contents: Contents,
 }
 
 /// Wait until all files of a set are synced.
@@ -233,6 +240,12 @@ impl StagedSet {
         self.staged.failed("", source)
     }
 
+    /// Files of the set in their folder.
+    pub(super) fn written(&self) -> impl Iterator<Item = WrittenFile> {
+        let files = self.contents.files.iter();
+        files.map(|entry| entry.file.clone().within(&self.staged.folder))
+    }
+
     /// Rename the whole folder if it is new, otherwise its files: old marks are removed first and new ones renamed
     /// last.
     pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
@@ -245,19 +258,23 @@ impl StagedSet {
         if !folder.is_dir() {
             return moves.put(staging, folder, lock);
         }
-        let Names { files, marks, gone } = &self.names;
-        for mark in marks {
+        let Contents { files, gone } = &self.contents;
+        let paths = |marks: bool| {
+            let files = files.iter().filter(move |entry| entry.is_mark == marks);
+            files.map(|entry| &entry.file.path)
+        };
+        for mark in paths(true) {
             moves.clear(&folder.join(mark), lock)?;
         }
         moves.sync()?;
         for name in gone {
             moves.clear(&folder.join(name), lock)?;
         }
-        for name in files {
-            moves.put(&staging.join(name), &folder.join(name), lock)?;
+        for path in paths(false) {
+            moves.put(&staging.join(path), &folder.join(path), lock)?;
         }
         moves.sync()?;
-        for mark in marks {
+        for mark in paths(true) {
             moves.put(&staging.join(mark), &folder.join(mark), lock)?;
         }
         Ok(())

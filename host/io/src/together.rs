@@ -6,14 +6,16 @@
 //! ```
 //! # use std::io::Write;
 //! # use subaperture_io::together::FileSet;
+//! # use subaperture_io::written::FileKind;
 //! # let folder = tempfile::tempdir()?;
 //! # let (map, item) = (folder.path().join("map.tif"), folder.path().join("map.json"));
 //! let mut files = FileSet::new();
-//! files.write(&map, 3, |file| file.write_all(b"map"))?;
-//! files.write(&item, 2, |file| file.write_all(b"{}"))?;
+//! files.write(&map, FileKind::Cog, 3, |file| file.write_all(b"map"))?;
+//! files.write(&item, FileKind::Sidecar, 2, |file| file.write_all(b"{}"))?;
 //! assert!(!map.exists());
-//! files.commit()?;
+//! let written = files.commit()?;
 //! assert!(map.exists() && item.exists());
+//! assert_eq!((&written[0].path, written[1].kind), (&map, FileKind::Sidecar));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -24,11 +26,14 @@ use std::path::Path;
 use super::atomic::{AtomicFile, WriteError};
 use super::moves::{self, Moves};
 use super::staging::{StagedSet, settled};
+use super::written::{FileKind, WrittenFile};
 
 /// Set of files not yet renamed. Removed when dropped without commit.
 #[derive(Debug, Default)]
 pub struct FileSet {
     parts: Vec<Part>,
+    /// Files of all parts.
+    files: Vec<WrittenFile>,
 }
 
 #[derive(Debug)]
@@ -56,12 +61,13 @@ impl FileSet {
     pub fn write<T>(
         &mut self,
         path: &Path,
+        kind: FileKind,
         needed_bytes: u64,
         write: impl FnOnce(&mut File) -> io::Result<T>,
     ) -> Result<T, WriteError> {
         let mut file = AtomicFile::create(path, needed_bytes, ".part")?;
         let value = write(file.file()).map_err(|source| file.failed(source))?;
-        self.add(file)?;
+        self.add(file, WrittenFile::new(path, kind))?;
         Ok(value)
     }
 
@@ -69,40 +75,48 @@ impl FileSet {
     ///
     /// # Errors
     /// As [`Self::write`].
-    pub fn write_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-        self.write(path, bytes.len() as u64, |file| {
+    pub fn write_bytes(
+        &mut self,
+        path: &Path,
+        kind: FileKind,
+        bytes: &[u8],
+    ) -> Result<(), WriteError> {
+        self.write(path, kind, bytes.len() as u64, |file| {
             io::Write::write_all(file, bytes)
         })
     }
 
-    /// Add a written file, which is synced here.
+    /// Add a written file, which is synced here and listed as `written`.
     ///
     /// # Errors
     /// [`WriteError`] if it cannot be synced; the file is then removed.
-    pub fn add(&mut self, mut file: AtomicFile) -> Result<(), WriteError> {
+    pub fn add(&mut self, mut file: AtomicFile, written: WrittenFile) -> Result<(), WriteError> {
         let synced = file.file().sync_all();
         synced.map_err(|source| file.failed(source))?;
         self.parts.push(Part::File(file));
+        self.files.push(written);
         Ok(())
     }
 
     /// Add the files of a staging folder.
     pub(super) fn add_folder(&mut self, set: StagedSet) {
+        self.files.extend(set.written());
         self.parts.push(Part::Folder(set));
     }
 
-    /// Rename all files into place.
+    /// Rename all files into place. Returns them in the order in which they were added.
     ///
     /// # Errors
     /// [`WriteError`]; all outputs are then unchanged. If undoing fails too, [`WriteError::InPart`] lists the
     /// outputs.
-    pub fn commit(self) -> Result<(), WriteError> {
+    pub fn commit(mut self) -> Result<Vec<WrittenFile>, WriteError> {
         for part in &self.parts {
             if let Part::Folder(set) = part {
                 settled(set)?;
             }
         }
-        moves::all(|moves| self.put(moves), |source| self.failed(source))
+        moves::all(|moves| self.put(moves), |source| self.failed(source))?;
+        Ok(std::mem::take(&mut self.files))
     }
 
     fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
@@ -143,6 +157,8 @@ mod tests {
     use std::path::PathBuf;
     use subaperture_model::image::Image;
 
+    const KIND: FileKind = FileKind::Record;
+
     /// Names and contents of all files under a folder, hidden ones too.
     fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut found = BTreeMap::new();
@@ -165,9 +181,9 @@ mod tests {
         fs::write(name("old"), "old").unwrap();
         let before = contents(at.path());
         let mut files = FileSet::new();
-        files.write_bytes(&name("old"), b"newer").unwrap();
-        files.write_bytes(&name("new"), b"new").unwrap();
-        files.write_bytes(&name("blocked"), b"third").unwrap();
+        files.write_bytes(&name("old"), KIND, b"newer").unwrap();
+        files.write_bytes(&name("new"), KIND, b"new").unwrap();
+        files.write_bytes(&name("blocked"), KIND, b"third").unwrap();
         fs::create_dir(name("blocked")).unwrap();
         let error = files.commit().unwrap_err().to_string();
         assert!(
@@ -179,7 +195,7 @@ mod tests {
         fs::remove_dir(name("blocked")).unwrap();
         let mut files = FileSet::new();
         for file in ["old", "new", "blocked"] {
-            files.write_bytes(&name(file), b"newest").unwrap();
+            files.write_bytes(&name(file), KIND, b"newest").unwrap();
         }
         files.commit().unwrap();
         let after = contents(at.path());
@@ -207,7 +223,15 @@ mod tests {
         };
         let mut files = FileSet::new();
         add(&mut files, 1.0, b"picture");
-        files.commit().unwrap();
+        files
+            .write_bytes(&at.path().join("list"), KIND, b"list")
+            .unwrap();
+        let written = files.commit().unwrap();
+        let written = written.iter().map(|file| file.path.clone());
+        let names = NAMES.map(|name| folder.join(name)).into_iter();
+        let list = at.path().join("list");
+        assert!(written.eq(names.chain([list.clone()])));
+        fs::remove_file(&list).unwrap();
         let before = contents(at.path());
         assert_eq!(before.len(), NAMES.len());
 
@@ -215,7 +239,7 @@ mod tests {
         let map = at.path().join("map");
         let mut files = FileSet::new();
         add(&mut files, 2.0, b"");
-        files.write_bytes(&map, b"map").unwrap();
+        files.write_bytes(&map, KIND, b"map").unwrap();
         fs::create_dir(&map).unwrap();
         files.commit().unwrap_err();
         assert_eq!(contents(at.path()), before);
@@ -223,7 +247,7 @@ mod tests {
         fs::remove_dir(&map).unwrap();
         let mut files = FileSet::new();
         add(&mut files, 3.0, b"");
-        files.write_bytes(&map, b"map").unwrap();
+        files.write_bytes(&map, KIND, b"map").unwrap();
         files.commit().unwrap();
         let after = contents(at.path());
         assert!(!after.contains_key(&folder.join("image.png")));
@@ -235,8 +259,8 @@ mod tests {
         let at = tempfile::tempdir().unwrap();
         let folder = at.path().join("made/deeper");
         let mut files = FileSet::new();
-        files.write_bytes(&folder.join("a"), b"a").unwrap();
-        files.write_bytes(&folder.join("b"), b"b").unwrap();
+        files.write_bytes(&folder.join("a"), KIND, b"a").unwrap();
+        files.write_bytes(&folder.join("b"), KIND, b"b").unwrap();
         drop(files);
         assert_eq!(fs::read_dir(at.path()).unwrap().count(), 0);
     }

@@ -20,6 +20,7 @@ use serde_json::json;
 use subaperture_io::atomic::AtomicFile;
 use subaperture_io::ours::TEXT_MARK;
 use subaperture_io::together::FileSet;
+use subaperture_io::written::{FileKind, WrittenFile};
 use subaperture_model::PROGRAM;
 use subaperture_model::monitor::Monitor;
 
@@ -135,7 +136,7 @@ pub fn write(
     layout: Layout,
     title: &str,
     monitor: &dyn Monitor,
-) -> Result<(), MapError> {
+) -> Result<Vec<WrittenFile>, MapError> {
     let mut alone = FileSet::new();
     add_to(&mut alone, path, ortho, layout, title, monitor)?;
     Ok(alone.commit()?)
@@ -227,7 +228,7 @@ fn add_as(
         out.flush()
     })();
     written.map_err(|e| pending.failed(e))?;
-    Ok(files.add(pending)?)
+    Ok(files.add(pending, WrittenFile::new(path, FileKind::Cog))?)
 }
 
 /// `GDAL_STRUCTURAL_METADATA` of a COG, by which GDAL recognises the layout.

@@ -16,6 +16,7 @@ use zip::{CompressionMethod, ZipWriter};
 
 use subaperture_io::atomic::AtomicFile;
 use subaperture_io::ours::TEXT_MARK;
+use subaperture_io::written::{FileKind, WrittenFile};
 use subaperture_model::monitor::Monitor;
 
 use crate::first_error::{FirstError, KeptError};
@@ -42,7 +43,7 @@ pub fn write(
     levels: Levels,
     title: &str,
     monitor: &dyn Monitor,
-) -> Result<(), MapError> {
+) -> Result<Vec<WrittenFile>, MapError> {
     let raster = ortho.raster();
     assert_eq!(
         raster.projection.epsg(),
@@ -63,7 +64,8 @@ pub fn write(
             Failure::Map(error) => error,
             Failure::Io(source) => pending.failed(source).into(),
         })?;
-    Ok(pending.commit()?)
+    pending.commit()?;
+    Ok(vec![WrittenFile::new(path, FileKind::Kmz)])
 }
 
 enum Failure {

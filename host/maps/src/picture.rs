@@ -10,6 +10,7 @@ use png::{BitDepth, ColorType};
 
 use subaperture_io::atomic::AtomicFile;
 use subaperture_io::together::FileSet;
+use subaperture_io::written::{FileKind, WrittenFile};
 use subaperture_model::PROGRAM;
 use subaperture_model::monitor::Monitor;
 
@@ -34,7 +35,7 @@ pub fn write(
     ortho: &Ortho,
     levels: Levels,
     monitor: &dyn Monitor,
-) -> Result<(), MapError> {
+) -> Result<Vec<WrittenFile>, MapError> {
     let raster = ortho.raster();
     let mut files = FileSet::new();
     let mut file = AtomicFile::create(path, 0, ".part")?;
@@ -78,13 +79,15 @@ pub fn write(
         return Err(error);
     }
     written.map_err(|e| file.failed(e))?;
-    files.add(file)?;
+    files.add(file, WrittenFile::new(path, FileKind::Png))?;
     let [world, system] = sidecars(path);
     let [east, south] = raster.step;
     let [x, y] = raster.coordinates([0.5, 0.5]);
     let text = format!("{east}\n0\n0\n{}\n{x}\n{y}\n", -south);
-    files.write_bytes(&world, text.as_bytes())?;
-    files.write_bytes(&system, well_known_text(&raster.projection).as_bytes())?;
+    let system_text = well_known_text(&raster.projection);
+    for (path, text) in [(&world, text), (&system, system_text)] {
+        files.write_bytes(path, FileKind::Sidecar, text.as_bytes())?;
+    }
     Ok(files.commit()?)
 }
 

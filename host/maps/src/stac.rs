@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use subaperture_io::atomic::WriteError;
 use subaperture_io::ours::ITEM_SCHEMA;
 use subaperture_io::together::FileSet;
+use subaperture_io::written::FileKind;
 
 use crate::cog::Layout;
 use crate::{MapError, Ortho};
@@ -44,7 +45,7 @@ pub fn add_to(
         source: error.into(),
     })?;
     text.push(b'\n');
-    Ok(files.write_bytes(path, &text)?)
+    Ok(files.write_bytes(path, FileKind::Sidecar, &text)?)
 }
 
 fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Value, MapError> {

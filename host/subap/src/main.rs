@@ -8,7 +8,6 @@ mod args;
 mod commands;
 mod config;
 mod failure;
-mod files;
 mod interrupt;
 mod log;
 mod memory;

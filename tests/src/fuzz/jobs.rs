@@ -6,7 +6,8 @@ use subaperture::describe::Description;
 use subaperture::describe::schema::{
     Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
 };
-use subaperture::job::{Basis, FileStamp, FinishedStage, JobText, State};
+use subaperture::io::written::FileKind;
+use subaperture::job::{Basis, FileStamp, FinishedStage, JobText, StageOutput, State};
 use subaperture::units::Dimension;
 
 pub(super) const WORDS: &[&str] = &[
@@ -130,7 +131,10 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let begun = state.to_text();
     state.finish(FinishedStage {
         basis,
-        outputs: vec![stamp],
+        outputs: vec![StageOutput {
+            stamp,
+            kind: Some(FileKind::Record),
+        }],
         seconds: 1.0,
         resumed: false,
         warnings: Vec::new(),

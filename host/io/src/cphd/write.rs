@@ -21,6 +21,7 @@ use super::write_options::{Channel, WriteError, WriteOptions};
 use crate::atomic::{self, AtomicFile};
 use crate::container::{CHUNK_BYTES, SECTION_END, encode};
 use crate::together::FileSet;
+use crate::written::{ChannelSize, FileKind, WrittenFile};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::check_finite;
 
@@ -68,7 +69,7 @@ pub fn write(
     channels: &[Channel],
     options: &WriteOptions,
     monitor: &dyn Monitor,
-) -> Result<(), WriteError> {
+) -> Result<Vec<WrittenFile>, WriteError> {
     let mut alone = FileSet::new();
     add_to(&mut alone, path.as_ref(), channels, options, monitor)?;
     Ok(alone.commit()?)
@@ -122,7 +123,16 @@ pub fn add_to(
             Ok(())
         })?;
     }
-    Ok(files.add(beside)?)
+    let sizes = channels.iter().map(|channel| {
+        let collection = channel.history.collection();
+        ChannelSize {
+            channel: channel.id.clone(),
+            pulses: collection.pulses.len(),
+            samples: collection.num_samples,
+        }
+    });
+    let written = WrittenFile::new(path, FileKind::PhaseHistory).with_channels(sizes.collect());
+    Ok(files.add(beside, written)?)
 }
 
 /// Whether [`write()`] describes the antennas of a channel: it has antennas, and their axes are polynomials of time.

@@ -14,6 +14,7 @@ use super::{IMAGE, commit, finish};
 use crate::atomic::WriteError;
 use crate::npy::{self, Filling, ImageFile};
 use crate::staging::Staged;
+use crate::written::WrittenFile;
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
 /// Product being filled. Removed when dropped.
@@ -93,7 +94,7 @@ impl CompleteProduct {
     ///
     /// # Panics
     /// Panics if `metadata` is not an object.
-    pub fn write(self, metadata: &Value, quicklook: &[u8]) -> Result<(), WriteError> {
+    pub fn write(self, metadata: &Value, quicklook: &[u8]) -> Result<Vec<WrittenFile>, WriteError> {
         commit(finish(self.staged, self.about, metadata, quicklook)?)
     }
 }

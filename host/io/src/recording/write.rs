@@ -36,8 +36,9 @@ use crate::atomic;
 use crate::npy::ArrayWriter;
 use crate::ours::{array_line, marked_description};
 use crate::receive::Echoes;
-use crate::staging::{Names, Staged, StagedFile};
+use crate::staging::{Contents, Staged, StagedEntry, StagedFile};
 use crate::together::FileSet;
+use crate::written::{ChannelSize, FileKind, WrittenFile};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{MountedAntennas, Waveform};
@@ -121,7 +122,11 @@ fn name(stem: &str, end: &str, id: &str, several: bool) -> String {
 ///
 /// # Errors
 /// [`WriteError`]; the folder is then unchanged.
-pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(), WriteError> {
+pub fn write(
+    folder: &Path,
+    channels: &[Raw],
+    monitor: &dyn Monitor,
+) -> Result<Vec<WrittenFile>, WriteError> {
     let mut alone = FileSet::new();
     add_to(&mut alone, folder, channels, monitor)?;
     Ok(alone.commit()?)
@@ -173,10 +178,8 @@ pub fn add_to(
     if monitor.cancelled() {
         return Err(WriteError::Cancelled);
     }
-    let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-    files.add_folder(staged.complete(Names {
-        files: owned(&names),
-        marks: owned(&marks),
+    files.add_folder(staged.complete(Contents {
+        files: plans.iter().flat_map(Plan::entries).collect(),
         gone: Vec::new(),
     }));
     Ok(())
@@ -184,6 +187,7 @@ pub fn add_to(
 
 /// Files of one channel.
 struct Plan<'a> {
+    id: &'a str,
     echoes: &'a dyn Echoes,
     samples: String,
     times: String,
@@ -197,7 +201,7 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn new(raw: &Raw<'a>, several: bool) -> Result<Self, WriteError> {
+    fn new(raw: &'a Raw<'a>, several: bool) -> Result<Self, WriteError> {
         let echoes = raw.echoes;
         let collection = echoes.collection();
         let name = |stem: &str, end: &str| name(stem, end, &raw.id, several);
@@ -211,6 +215,7 @@ impl<'a> Plan<'a> {
         let spread = (0..if moves { FIXES } else { 0 }).map(|i| i * last / (FIXES - 1));
         let fixes: BTreeSet<usize> = spread.chain([middle]).collect();
         let mut plan = Self {
+            id: &raw.id,
             echoes,
             samples: name("echoes", "npy"),
             times: name("times", "npy"),
@@ -256,6 +261,25 @@ impl<'a> Plan<'a> {
             &self.transmitter,
         ];
         names.into_iter().chain(&self.receiver).map(String::as_str)
+    }
+
+    /// Arrays and description.
+    fn entries(&self) -> impl Iterator<Item = StagedEntry> {
+        let collection = self.echoes.collection();
+        let channel = ChannelSize {
+            channel: self.id.to_owned(),
+            pulses: collection.pulses.len(),
+            samples: collection.waveform.num_samples(),
+        };
+        let arrays = self.arrays().map(|name| StagedEntry {
+            file: WrittenFile::new(name, FileKind::Array),
+            is_mark: false,
+        });
+        let description = WrittenFile::new(&self.description, FileKind::Recording);
+        arrays.chain([StagedEntry {
+            file: description.with_channels(vec![channel]),
+            is_mark: true,
+        }])
     }
 
     /// Size of the samples in bytes, which dominate the output.

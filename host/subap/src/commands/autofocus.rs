@@ -16,6 +16,7 @@ use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::phase_csv;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::phase_history::{Collection, Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast::{cost, forecast_of};
 use subaperture::plot::{self, Panel, Scale};
@@ -24,7 +25,6 @@ use crate::ahead::Ahead;
 use crate::args::{self, Autofocus};
 use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
-use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 
 /// Dynamic range of the picture, dB.
@@ -33,36 +33,32 @@ const SPAN_DB: f64 = 60.0;
 /// Estimate a correction, print the results and write the files.
 pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     let start = Instant::now();
-    let Some((found, history)) = sharpened(session, typed)? else {
+    let Some((found, history, files)) = sharpened(session, typed)? else {
         return Ok(());
     };
     if session.json() {
         let mut record = record(session, typed, &history, &found, start)?;
-        let correction = match correction_is_phase(typed, &found) {
-            true => "phase correction",
-            false => "track",
-        };
-        let out = typed
-            .out
-            .iter()
-            .map(|path| OutputFile::new(path, correction));
-        let picture = typed.picture.iter();
-        let picture = picture.map(|path| OutputFile::new(path, "picture"));
-        record["files"] = json!(out.chain(picture).collect::<Vec<_>>());
+        record["files"] = json!(files);
         return text::say_json("autofocus", record);
     }
     report(session, typed, &found, start)
 }
 
-/// Estimate a correction, write the files and return the record.
-pub(crate) fn estimate(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
+/// Estimate a correction and write the files. Returns the record and the files.
+pub(crate) fn estimate(
+    session: &Session,
+    typed: &Autofocus,
+) -> anyhow::Result<(Value, Vec<WrittenFile>)> {
     let start = Instant::now();
-    let (found, history) = sharpened(session, typed)?.expect("not a dry run");
-    record(session, typed, &history, &found, start)
+    let (found, history, files) = sharpened(session, typed)?.expect("not a dry run");
+    Ok((record(session, typed, &history, &found, start)?, files))
 }
 
-/// Estimated correction and the recording; `None` for a dry run.
-fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sharpened, Joined)>> {
+/// Estimated correction, the recording and the written files; `None` for a dry run.
+fn sharpened(
+    session: &Session,
+    typed: &Autofocus,
+) -> anyhow::Result<Option<(Sharpened, Joined, Vec<WrittenFile>)>> {
     let former = typed.former.former()?;
     if let Some(grid) = &typed.settings.grid {
         session.check_grid(grid, 4)?;
@@ -108,7 +104,11 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
     let mut files = FileSet::new();
     if let Some(path) = &typed.out {
         let text = file(history.collection(), &correction);
-        files.write_bytes(path, text.as_bytes())?;
+        let kind = match correction_is_phase(typed, &found) {
+            true => FileKind::PhaseCorrection,
+            false => FileKind::Track,
+        };
+        files.write_bytes(path, kind, text.as_bytes())?;
     }
     if let Some(path) = &typed.picture {
         // Common scale for both images, relative to the brighter peak.
@@ -124,10 +124,10 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
             panel(&found.image_before, "as recorded".to_owned()),
             panel(&found.image_after, format!("by {}", name(typed))),
         ];
-        files.write_bytes(path, &plot::panels(&panels, 2)?)?;
+        files.write_bytes(path, FileKind::Picture, &plot::panels(&panels, 2)?)?;
     }
-    files.commit()?;
-    Ok(Some((found, history)))
+    let files = files.commit()?;
+    Ok(Some((found, history, files)))
 }
 
 /// Claim the output files. The claim lasts until the command ends.

@@ -7,6 +7,7 @@ use std::thread;
 use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 use subaperture::io::atomic::free_bytes;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::monitor::Monitor;
 use subaperture::radio::capture::{CaptureError, EndReason, LiveStep, Summary, capture};
 use subaperture::radio::experiment::{self, Device, Experiment};
@@ -17,7 +18,6 @@ use subaperture::radio::{Ranges, Transceiver};
 use crate::args::Capture;
 use crate::config::Session;
 use crate::failure::{InterruptedWithSteps, Usage};
-use crate::files::OutputFile;
 use crate::progress::Progress;
 use crate::{interrupt, messages, text, watch};
 
@@ -109,12 +109,12 @@ fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
 }
 
 /// Both files of a SigMF recording.
-fn recording_files(out: &Path) -> [OutputFile; 2] {
+fn recording_files(out: &Path) -> [WrittenFile; 2] {
     let meta = meta(out);
     let data = meta.with_extension("sigmf-data");
     [
-        OutputFile::new(&meta, "recording"),
-        OutputFile::new(&data, "samples"),
+        WrittenFile::new(meta, FileKind::Recording),
+        WrittenFile::new(data, FileKind::Samples),
     ]
 }
 

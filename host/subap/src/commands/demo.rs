@@ -1,6 +1,7 @@
 //! `subap demo`: simulate Table 4.1 of the thesis, focus it with every former, and report the errors.
 
 mod report;
+mod trials;
 mod writing;
 
 use std::path::Path;
@@ -8,14 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use serde_json::json;
-use subaperture::focus::bp::Backprojection;
-use subaperture::focus::exact::Exact;
-use subaperture::focus::ffbp::FastFactorised;
-use subaperture::focus::omega_k::OmegaK;
-use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
-use subaperture::focus::{FormError, Formed, ImageFormer, Task};
+use subaperture::focus::{FormError, Formed, Task};
 use subaperture::image::{Comparison, Image};
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::product::{self, Product};
@@ -30,126 +24,11 @@ use crate::ahead::Ahead;
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
 use crate::{advice, interrupt, messages, text};
-
-/// Scene of 80 x 80 m with a margin of 5 m, sampled at about half the resolution (0.58 x 0.75 m).
-const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
+use trials::{GRID, Outcome, Trial, oracle, trials};
 
 /// Upper limit on image-sized buffers in memory, and on disk: the exact image, an image and a difference for each former,
 /// and one more for pictures.
 const IMAGES: u64 = 20;
-
-/// Error bound of the formers that plan, dB.
-const ERROR_DB: f64 = -60.0;
-
-/// Former to demonstrate, with the error bound to keep.
-struct Trial {
-    folder: &'static str,
-    title: &'static str,
-    former: Box<dyn ImageFormer>,
-    /// Relative RMS error that must not be exceeded, dB.
-    bound_db: Option<f64>,
-}
-
-/// Formed image with its error.
-struct Outcome {
-    trial: Trial,
-    image: Image,
-    difference: Image,
-    comparison: Comparison,
-    settings: serde_json::Map<String, serde_json::Value>,
-    taken: Duration,
-}
-
-/// Trial of a former that chooses all its parameters by its bound.
-fn trial(
-    folder: &'static str,
-    title: &'static str,
-    former: Box<dyn ImageFormer>,
-    bound_db: Option<f64>,
-) -> Trial {
-    Trial {
-        folder,
-        title,
-        former,
-        bound_db,
-    }
-}
-
-fn trials() -> Vec<Trial> {
-    let range_doppler = |folder, title, mode, pulses, bound_db| Trial {
-        folder,
-        title,
-        former: Box::new(RangeDopplerBackprojection {
-            mode,
-            error_db: ERROR_DB,
-            sub_cpi: Some(pulses),
-            patch_m: None,
-        }),
-        bound_db,
-    };
-    let thesis = Mode::Thesis(Thesis::default());
-    let precise = Mode::Precise;
-    vec![
-        trial(
-            "bp",
-            "bp",
-            Box::new(Backprojection { error_db: ERROR_DB }),
-            Some(ERROR_DB),
-        ),
-        range_doppler("thesis-40", "rdbp thesis, 26 x 40", thesis, 40, None),
-        range_doppler(
-            "precise-40",
-            "rdbp precise, 26 x 40",
-            precise,
-            40,
-            Some(-60.0),
-        ),
-        range_doppler("thesis-130", "rdbp thesis, 8 x 130", thesis, 130, None),
-        range_doppler(
-            "precise-130",
-            "rdbp precise, 8 x 130",
-            precise,
-            130,
-            Some(-45.0),
-        ),
-        trial(
-            "ffbp",
-            "ffbp",
-            Box::new(FastFactorised { error_db: ERROR_DB }),
-            Some(ERROR_DB),
-        ),
-        trial(
-            "omega-k",
-            "omega-k",
-            Box::new(OmegaK { error_db: ERROR_DB }),
-            Some(ERROR_DB),
-        ),
-        trial(
-            "rda",
-            "rda",
-            Box::new(RangeDopplerAlgorithm {
-                error_db: ERROR_DB,
-                secondary_compression: true,
-            }),
-            Some(ERROR_DB),
-        ),
-        trial(
-            "pfa",
-            "pfa",
-            Box::new(PolarFormat {
-                error_db: ERROR_DB,
-                centre_m: None,
-            }),
-            // The plane-wave error depends on scene size over range; no setting reduces it.
-            None,
-        ),
-    ]
-}
-
-/// Exact sum, the reference of all comparisons.
-fn oracle() -> Trial {
-    trial("exact", "exact", Box::new(Exact), None)
-}
 
 /// Simulate, focus, compare, and write all files under the folder.
 pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
@@ -192,7 +71,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         exact_taken,
         grating_lobe_m: survey.grating_lobe_m(130),
     };
-    writing::write(session, typed, &grid, &exact.image, &report, start)?;
+    let files = writing::write(session, typed, &grid, &exact.image, &report, start)?;
     for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
         messages::bound_missed(format!(
             "{} exceeds its bound; see the table",
@@ -201,7 +80,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     }
     if session.json() {
         let mut table = report.to_json();
-        table["files"] = json!(writing::written(&typed.out, &outcomes));
+        table["files"] = json!(files);
         table["run"] = record_of_run(session, start.elapsed());
         return text::say_json("demo", table);
     }
@@ -304,17 +183,6 @@ fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> 
         Some(parts.into_iter().sum()),
         vec![(typed.out.clone(), IMAGES * image_bytes)],
     ))
-}
-
-impl Outcome {
-    /// Whether there is a bound that the error exceeds or may exceed.
-    fn misses_bound(&self) -> bool {
-        let error_db = self.comparison.error_db.unwrap_or(f64::NAN);
-        self.trial.bound_db.is_some_and(|bound_db| {
-            let within = error_db <= bound_db;
-            !within
-        })
-    }
 }
 
 fn subtract(image: &Image, reference: &Image) -> Image {

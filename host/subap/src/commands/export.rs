@@ -1,25 +1,28 @@
 //! `subap export`: write an image in other formats. Commands that form images use [`Products`] for the same formats.
 
 mod maps;
+mod one;
 mod sicd;
 mod sidd;
 mod zarr;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
-use serde_json::{Value, json};
-use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
-use subaperture::images::{ImageKind, OpenImage, PixelGeometry, Pixels};
+use serde_json::json;
+use subaperture::geometry::{Geodetic, SceneFrame};
+use subaperture::images::{ImageKind, OpenImage, PixelGeometry};
 use subaperture::io::claim::OutputClaims;
 
 use super::stored;
 use crate::args::{Export, ImageFormat, Mapping, Writing};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::files::OutputFile;
 use crate::text;
 use maps::MapFormat;
+use one::One;
+
+pub(crate) use one::Written;
 
 /// Read an image and write it in the requested format.
 pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
@@ -70,32 +73,6 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Open an image whose tiles must all be formed.
-fn whole(session: &Session, path: &Path) -> anyhow::Result<OpenImage> {
-    let image = stored::open(session, path)?;
-    if let Pixels::Unfinished(tiles) = &image.pixels {
-        let [formed, count] = tiles.tiles();
-        bail!(
-            "{}: {formed} of {count} tiles are formed: complete the image with subap focus before exporting it",
-            path.display()
-        );
-    }
-    Ok(image)
-}
-
-/// Grid and record of an image.
-fn recorded(one: &One, image: &OpenImage) -> anyhow::Result<(ImageGrid, Value)> {
-    match (image.grid(), &image.record) {
-        (Some((grid, _)), Some(record)) => Ok((grid.clone(), record.clone())),
-        _ => bail!(
-            "{}: expected a product of subap focus, found {}: --format {} needs the pixel positions and the viewing geometry from its record",
-            one.image.display(),
-            image.kind(),
-            one.format.name()
-        ),
-    }
-}
-
 /// Check that an image can be written in a format.
 fn check_format(typed: &Export, image: &OpenImage, format: ImageFormat) -> anyhow::Result<()> {
     let path = image.path.display();
@@ -132,53 +109,7 @@ fn check_format(typed: &Export, image: &OpenImage, format: ImageFormat) -> anyho
     }
 }
 
-/// Image to write: to a file of its own, or with others to one stack.
-struct One<'a> {
-    /// Path as given by the user.
-    image: &'a Path,
-    /// All images of its stack.
-    others: &'a [PathBuf],
-    /// Folder of a product, or path of a SICD.
-    folder: &'a Path,
-    format: ImageFormat,
-    out: &'a Path,
-    place: Option<Geodetic>,
-    speed_m_s: Option<f64>,
-    maps: Mapping,
-    writing: Writing,
-}
-
-/// Result of writing one format.
-pub(crate) struct Written {
-    /// Schema of the JSON result.
-    name: &'static str,
-    /// JSON result without its files.
-    about: Value,
-    /// The output file, then its sidecars.
-    pub(crate) files: Vec<OutputFile>,
-    /// Line printed for the user.
-    line: String,
-}
-
-impl Written {
-    /// Output file in the image's own pixel grid.
-    fn file(one: &One, bytes: u64) -> Self {
-        let file = one.file();
-        Self {
-            name: "export",
-            about: json!({ "bytes": bytes }),
-            line: file.path().to_owned(),
-            files: vec![file],
-        }
-    }
-}
-
 impl One<'_> {
-    /// The output file with its kind.
-    fn file(&self) -> OutputFile {
-        OutputFile::new(self.out, self.format.name())
-    }
-
     /// Check that the options apply to the format.
     fn check(&self) -> Result<(), Usage> {
         match self.format {

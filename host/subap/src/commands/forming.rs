@@ -13,6 +13,7 @@ use subaperture::io::claim::OutputClaims;
 use subaperture::io::input::open_file;
 use subaperture::io::json::{self, JsonError, Limits};
 use subaperture::io::product::{self, Product};
+use subaperture::io::written::WrittenFile;
 use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::plot::{self, Panel};
 use subaperture::resolution::survey::Survey;
@@ -127,8 +128,7 @@ pub(crate) fn write(
     image: &Image,
     panel: &Panel,
     metadata: &Value,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<WrittenFile>> {
     let draw = || Ok(plot::quicklook_within(panel, session.memory.picture_bytes)?);
-    product::write_drawing::<anyhow::Error>(out, image, || metadata.clone(), draw)?;
-    Ok(())
+    product::write_drawing::<anyhow::Error>(out, image, || metadata.clone(), draw)
 }

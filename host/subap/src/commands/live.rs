@@ -8,6 +8,7 @@ use subaperture::focus::live::Settings;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::product;
 use subaperture::io::product::record::{Brightest, Picture, Record};
+use subaperture::io::written::WrittenFile;
 use subaperture::live_capture::{BodyMotion, CaptureGeometry, EchoTrack, Echoes, Imaging};
 use subaperture::plot::{Panel, quicklook_within};
 use subaperture::radio::experiment::{self, Experiment};
@@ -18,7 +19,6 @@ use super::capture::{self, end, record, warn};
 use crate::args::Live;
 use crate::config::{Session, command_line, record_of_run};
 use crate::failure::Usage;
-use crate::files;
 use crate::watch::{Watched, imaged};
 use crate::{messages, text};
 
@@ -122,19 +122,17 @@ fn report(
     if let Some(track) = imaging.found() {
         doubt(&track);
     }
-    if let Some(folder) = &typed.image {
-        save(session, typed, imaging, experiment, out, (folder, started))?;
-    }
+    let written = match &typed.image {
+        Some(folder) => save(session, typed, imaging, experiment, out, (folder, started))?,
+        None => Vec::new(),
+    };
     let image = record_of_image(imaging, watched.skipped);
     if session.json() {
         warn(summary);
         let mut value = record(plan, summary, out);
         value["image"] = image;
-        if let (Some(folder), Some(files)) = (&typed.image, value["files"].as_array_mut()) {
-            let mut image = files::of_image(folder, product::NAMES[0]);
-            // No picture is drawn of no sweeps.
-            image.retain(|file| Path::new(file.path()).exists());
-            files.extend(image.iter().map(|file| json!(file)));
+        if let Some(files) = value["files"].as_array_mut() {
+            files.extend(written.iter().map(|file| json!(file)));
         }
         return text::say_json("capture", value);
     }
@@ -212,7 +210,7 @@ fn save(
     experiment: &Experiment,
     out: &Path,
     (folder, started): (&Path, Instant),
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<WrittenFile>> {
     let (image, grid) = (imaging.image(), imaging.live().grid());
     let name = &experiment.plan.name;
     let sweeps = imaging.taken();
@@ -260,6 +258,5 @@ fn save(
             Ok(quicklook_within(&panel, session.memory_bytes)?)
         }
     };
-    product::write_drawing::<anyhow::Error>(folder, &image, || metadata.clone(), draw)?;
-    Ok(())
+    product::write_drawing::<anyhow::Error>(folder, &image, || metadata.clone(), draw)
 }

@@ -8,13 +8,13 @@ use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, SceneFrame};
 use subaperture::io::ours::{Kind as Written, TEXT_MARK};
 use subaperture::io::together::FileSet;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::navigation::{Clock, Coverage, Log, Options, Place};
 use subaperture::plot::{self, Chart, Curve, Stroke};
 use subaperture::track::Fix;
 
 use crate::args::Navigation;
 use crate::config::Session;
-use crate::files::OutputFile;
 use crate::{messages, text};
 
 /// Maximum number of gaps listed individually.
@@ -40,10 +40,10 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
     };
     if session.json() {
         let mut record = record(&log, &coverage, track.as_ref());
-        let out = typed.out.iter().map(|path| OutputFile::new(path, "track"));
-        let picture = picture.iter();
-        let picture = picture.map(|path| OutputFile::new(path, "picture"));
-        record["files"] = json!(out.chain(picture).collect::<Vec<_>>());
+        record["files"] = match &track {
+            Some(track) => json!(track.files),
+            None => json!([]),
+        };
         return text::say_json("navigation", record);
     }
     for line in lines(&log) {
@@ -97,6 +97,7 @@ struct Track {
     out: String,
     fixes: usize,
     attitudes: bool,
+    files: Vec<WrittenFile>,
 }
 
 fn write(
@@ -144,13 +145,14 @@ fn write(
     let file = typed.file.file_name().unwrap_or(typed.file.as_os_str());
     let png = plot::lines(&chart(&file.to_string_lossy(), &frame, chosen, &fixes))?;
     let mut files = FileSet::new();
-    files.write_bytes(out, csv.as_bytes())?;
-    files.write_bytes(picture, &png)?;
-    files.commit()?;
+    files.write_bytes(out, FileKind::Track, csv.as_bytes())?;
+    files.write_bytes(picture, FileKind::Picture, &png)?;
+    let files = files.commit()?;
     Ok(Track {
         out: out.display().to_string(),
         fixes: fixes.len(),
         attitudes: fixes.iter().all(|fix| fix.attitude.is_some()),
+        files,
     })
 }
 

@@ -1,14 +1,13 @@
 //! `subap picture`: redraw an image's picture with other levels or colours.
 
-use std::io::Write;
-
 use anyhow::{Context, bail};
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::images::{OpenImage, PixelGeometry};
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
+use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 use subaperture::plot::{self, Channel, ColourSource, Orientation, Panel, ShownAxis, Source};
 use subaperture::quality::aperture::{Aperture, AperturePart};
 use subaperture::quality::polarisation::{Sum, pauli};
@@ -16,7 +15,6 @@ use subaperture::quality::polarisation::{Sum, pauli};
 use super::stored;
 use crate::args::{ColourMap, Picture};
 use crate::config::Session;
-use crate::files::OutputFile;
 use crate::text;
 
 /// Read one image, or several on a common grid, and draw the picture.
@@ -91,8 +89,9 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
         );
     }
     let picture = plot::quicklook_within(&panel, session.memory.picture_bytes)?;
-    let bytes = picture.len() as u64;
-    write_atomically(&typed.out, bytes, |file| file.write_all(&picture))?;
+    let mut files = FileSet::new();
+    files.write_bytes(&typed.out, FileKind::Picture, &picture)?;
+    let files = files.commit()?;
     drawing.finish();
     let path = typed.out.display().to_string();
     if session.json() {
@@ -101,7 +100,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
         return text::say_json(
             "picture",
             json!({
-                "files": [OutputFile::new(&typed.out, "picture")],
+                "files": files,
                 "looks": [rows, columns],
                 "pixel": [shown.rows.step, shown.columns.step],
             }),

@@ -6,6 +6,7 @@ use serde_json::json;
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::geometry::Axis;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 use subaperture::monitor::Monitor;
 use subaperture::plot::{Chart, Colours, Curve, HeatMap, Stroke, heat, lines};
 use subaperture::radio::Reference;
@@ -16,7 +17,7 @@ use subaperture::radio::sigmf::{Recording, Setup};
 
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{args, files, interrupt, messages, text};
+use crate::{args, interrupt, messages, text};
 
 /// Names of the pictures; the waterfall is drawn of two or more sweeps.
 const PLOTS: [&str; 2] = ["profile.png", "waterfall.png"];
@@ -114,24 +115,23 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
     }
     let (sweep, profile) = processing.profile(&mut recording, typed.sweep)?;
     let peaks = processing.peaks(&profile);
+    let mut files = FileSet::new();
     if let Some(folder) = &typed.out {
         let title = format!("{}, sweep {}", setup.name, typed.sweep);
         let chart = chart(&profile, title);
-        let mut files = FileSet::new();
-        files.write_bytes(&folder.join(PLOTS[0]), &lines(&chart)?)?;
+        let mut draw = |name: &str, picture: &[u8]| {
+            files.write_bytes(&folder.join(name), FileKind::Picture, picture)
+        };
+        draw(PLOTS[0], &lines(&chart)?)?;
         if sweeps.len() > 1 {
             let drawn = waterfall(session, &mut processing, &mut recording, &sweeps)?;
-            files.write_bytes(&folder.join(PLOTS[1]), &drawn)?;
+            draw(PLOTS[1], &drawn)?;
         }
         interrupt::check()?;
-        files.commit()?;
     }
+    let files = files.commit()?;
     let levels = |z: f64| 20.0 * z.log10();
     if session.json() {
-        let plots = typed
-            .out
-            .iter()
-            .flat_map(|folder| files::pictures(folder, names));
         return text::say_json(
             "profile",
             json!({
@@ -153,7 +153,7 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
                         level_db.is_finite().then_some(level_db)
                     }).collect::<Vec<_>>(),
                 },
-                "files": plots.collect::<Vec<_>>(),
+                "files": files,
             }),
         );
     }

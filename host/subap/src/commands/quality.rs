@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use subaperture::geometry::Extent;
 use subaperture::image::Comparison;
 use subaperture::io::claim::OutputClaims;
+use subaperture::io::written::WrittenFile;
 use subaperture::quality::coherence::coherence;
 use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
 use subaperture::quality::registration::{Offset, offset};
@@ -25,7 +26,7 @@ use subaperture::quality::{PairError, PixelMap};
 use crate::args::Quality;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{files, interrupt, messages, text};
+use crate::{interrupt, messages, text};
 use from::From;
 use source::{Both, Source};
 use theory::{Basis, Theory};
@@ -124,7 +125,7 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     if !session.json() {
         print(&report, &source)?;
     }
-    let names = match &typed.plots {
+    let files = match &typed.plots {
         Some(folder) => {
             let mut claims = session.claims(
                 &typed.writing,
@@ -146,22 +147,21 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     };
     if session.json() {
         let mut report = serde_json::to_value(&report)?;
-        let folder = typed.plots.as_deref().unwrap_or(Path::new(""));
-        report["files"] = json!(files::pictures(folder, names));
+        report["files"] = json!(files);
         text::say_json("quality", report)?;
     }
     Ok(())
 }
 
 /// Measure the given or the strongest points and draw them into the folder `plots` without printing. Returns the JSON report
-/// and the names of the pictures.
+/// and the pictures.
 pub(crate) fn of_job(
     session: &Session,
     typed: &Quality,
     strongest: usize,
     plots: &Path,
     claims: &mut OutputClaims,
-) -> anyhow::Result<(Value, Vec<String>)> {
+) -> anyhow::Result<(Value, Vec<WrittenFile>)> {
     let measuring = session.progress("measuring");
     let source = Source::open(session, &typed.image)?;
     let basis = Basis::new(&source, typed.measuring.window);

@@ -1,7 +1,7 @@
 //! `subap reproduce`: reproduce figures of both theses.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
@@ -12,7 +12,6 @@ use crate::ahead::Ahead;
 use crate::args::Reproduce;
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
-use crate::files::OutputFile;
 use crate::{messages, text};
 
 /// Disk space and memory of an item, including its part of the page: the maximum of all items, rounded up.
@@ -69,7 +68,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         }
     });
     progress.finish();
-    outcome?;
+    let files = outcome?;
     if session.json() {
         return text::say_json(
             "reproduce",
@@ -77,7 +76,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
                 "items": verdicts,
                 "agreeing": agreeing,
                 "run": record_of_run(session, start.elapsed()),
-                "files": written(&typed.out, &chosen),
+                "files": files,
             }),
         );
     }
@@ -88,20 +87,6 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         text::duration(start.elapsed())
     ))?;
     Ok(())
-}
-
-/// Files of the items in `folder`, with the page.
-fn written(folder: &Path, items: &[Item]) -> Vec<OutputFile> {
-    let names = names(folder, items).into_iter();
-    let of = |name: String| {
-        let kind = match name.rsplit_once('.') {
-            Some((_, "png")) => "picture",
-            Some((_, "html")) => "report",
-            _ => "record",
-        };
-        OutputFile::new(&folder.join(name), kind)
-    };
-    names.map(of).collect()
 }
 
 /// Predicted cost of the items.

@@ -33,22 +33,20 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context;
-use clap::ValueEnum;
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::claim::OutputClaims;
-use subaperture::io::tiles;
-use subaperture::job::{FinishedStage, JobText, NAME, RunReason, State, stamp};
+use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::job::{FinishedStage, JobText, NAME, StageOutput, State};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 
-use crate::args::{ImageFormat, Run, Writing};
+use crate::args::{Run, Writing};
 use crate::config::Session;
 use crate::failure::InterruptedJob;
-use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 use chain::{Link, REPORT, Stage};
 use job::Job;
-use work::Worker;
+use work::{StageOutcome, Worker};
 
 /// Run a job, or print the keys or an example of jobs.
 pub(crate) fn run(session: &Session, args: &Run) -> anyhow::Result<()> {
@@ -85,15 +83,6 @@ pub(crate) fn run(session: &Session, args: &Run) -> anyhow::Result<()> {
         }
         result => result,
     }
-}
-
-/// Outcome of a stage.
-struct StageOutcome {
-    name: &'static str,
-    /// Why the stage was run; `None` if its outputs were up to date.
-    why: Option<RunReason>,
-    /// Processing time, seconds; for a reused stage that of its run.
-    seconds: f64,
 }
 
 /// Run the stages that are not up to date, and write the report.
@@ -255,10 +244,10 @@ fn run_stage(
     let outputs = worker.work(link.stage)?;
     interrupt::check()?;
     let stamps = outputs.iter().map(|output| {
-        let path = out.join(output);
-        let stamped =
-            stamp(&path, output).with_context(|| format!("cannot read {}", path.display()))?;
-        stamped.with_context(|| format!("{} is missing", path.display()))
+        let path = output.path.display();
+        let stamped = StageOutput::of(output, out);
+        let stamped = stamped.with_context(|| format!("cannot read {path}"))?;
+        stamped.with_context(|| format!("{path} is missing"))
     });
     let part = messages::part();
     let seconds = begun.elapsed().as_secs_f64();
@@ -284,24 +273,6 @@ fn run_stage(
     })
 }
 
-/// Kind of an output of a job by its name.
-fn kind(name: &str) -> &'static str {
-    let mut formats = ImageFormat::value_variants().iter();
-    if let Some(format) = formats.find(|format| format.file_name() == name) {
-        return format.name();
-    }
-    let (_, extension) = name.rsplit_once('.').unwrap_or_default();
-    match (name, extension) {
-        (tiles::NAME, _) => "image",
-        (job::CORRECTION, _) => "phase correction",
-        ("map.json", _) | (_, "pgw" | "prj") => "sidecar",
-        (_, "csv") => "track",
-        (_, "png") => "picture",
-        (_, "html") => "report",
-        _ => "record",
-    }
-}
-
 /// Print the stages and the path of the report.
 fn print(
     session: &Session,
@@ -323,13 +294,14 @@ fn print(
             })
             .collect();
         let made = outcomes.iter().filter_map(|stage| state.made(stage.name));
-        let files = made
+        let files: Vec<WrittenFile> = made
             .flat_map(|made| &made.outputs)
-            .map(|output| OutputFile::new(&job.out.join(&output.path), kind(&output.path)));
-        return text::say_json(
-            "run",
-            json!({ "stages": stages, "files": files.collect::<Vec<_>>() }),
-        );
+            .map(|output| {
+                let kind = output.kind.unwrap_or(FileKind::Record);
+                WrittenFile::new(job.out.join(&output.stamp.path), kind)
+            })
+            .collect();
+        return text::say_json("run", json!({ "stages": stages, "files": files }));
     }
     if session.prints_text() {
         text::say(page.display().to_string())?;

@@ -1,10 +1,10 @@
 //! `subap simulate`: simulate a collection as CPHD 1.1 or as raw echoes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context;
-use serde_json::{Value, json};
+use serde_json::json;
 use subaperture::focus::forecast::{self, Forecast};
 use subaperture::io::cphd::{self, Channel, Domain, ReferenceSurface, Sgn, WriteOptions};
 use subaperture::io::ours::Kind;
@@ -19,7 +19,6 @@ use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 use crate::ahead::{Ahead, reading};
 use crate::args::{DeclaredSurface, SignalDomain, Simulate};
 use crate::config::{Session, record_of_run};
-use crate::files::OutputFile;
 use crate::{messages, text};
 
 /// Write the files, complete or not at all, or print information about scenarios.
@@ -214,15 +213,11 @@ fn options(typed: &Simulate) -> WriteOptions {
     }
 }
 
-/// Files that are complete but not yet renamed into place, with their records and lines of text.
+/// Files that are complete but not yet renamed into place, with their lines of text.
 #[derive(Default)]
 struct Written {
     files: FileSet,
-    records: Vec<Value>,
     lines: Vec<String>,
-    outputs: Vec<OutputFile>,
-    /// Possible files of raw data: which of them exist depends on the radar.
-    echoes: Vec<PathBuf>,
 }
 
 impl Written {
@@ -256,11 +251,6 @@ impl Written {
             }
         }
         progress.finish();
-        let ids: Vec<&str> = raw.iter().map(|raw| raw.id.as_str()).collect();
-        self.echoes = recording::names(&ids)
-            .iter()
-            .map(|name| folder.join(name))
-            .collect();
         for raw in &raw {
             let collection = raw.echoes.collection();
             let (pulses, samples) = (collection.pulses.len(), collection.waveform.num_samples());
@@ -268,8 +258,6 @@ impl Written {
             self.lines.push(format!(
                 "{name}: raw data of {pulses} pulses x {samples} samples"
             ));
-            self.records
-                .push(record_of(folder, "echoes", &raw.id, [pulses, samples]));
         }
         Ok(())
     }
@@ -284,7 +272,6 @@ impl Written {
         let progress = session.progress("simulating");
         cphd::add_to(&mut self.files, out, channels, &options(typed), &progress)?;
         progress.finish();
-        self.outputs.push(OutputFile::new(out, "phase history"));
         for channel in channels {
             if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
                 messages::warning(format!(
@@ -300,29 +287,16 @@ impl Written {
             let name = named(out, &channel.id, channels.len());
             self.lines
                 .push(format!("{name}: {pulses} pulses of {samples} frequencies"));
-            let size = [pulses, samples];
-            self.records
-                .push(record_of(out, "phase history", &channel.id, size));
         }
         Ok(())
     }
 
     /// Rename all files into place and report them.
-    fn commit(mut self, session: &Session, start: Instant) -> anyhow::Result<()> {
-        self.files.commit()?;
+    fn commit(self, session: &Session, start: Instant) -> anyhow::Result<()> {
+        let files = self.files.commit()?;
         if session.json() {
             let run = record_of_run(session, start.elapsed());
-            for path in self.echoes.iter().filter(|path| path.exists()) {
-                let kind = match path.extension() {
-                    Some(end) if end == "toml" => "recording",
-                    _ => "array",
-                };
-                self.outputs.push(OutputFile::new(path, kind));
-            }
-            return text::say_json(
-                "simulate",
-                json!({ "run": run, "written": self.records, "files": self.outputs }),
-            );
+            return text::say_json("simulate", json!({ "run": run, "files": files }));
         }
         if session.prints_text() {
             for line in self.lines {
@@ -339,14 +313,4 @@ fn named(path: &Path, id: &str, channels: usize) -> String {
         1 => path.display().to_string(),
         _ => format!("{} {id}", path.display()),
     }
-}
-
-fn record_of(path: &Path, holds: &str, id: &str, [pulses, samples]: [usize; 2]) -> Value {
-    json!({
-        "path": path.display().to_string(),
-        "holds": holds,
-        "channel": id,
-        "pulses": pulses,
-        "samples": samples,
-    })
 }

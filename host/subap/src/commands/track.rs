@@ -10,6 +10,7 @@ use subaperture::io::estimated_track::{self, EstimatedFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::phase_history::Channels;
 use subaperture::plot::{Chart, Curve, Stroke, stacked};
 use subaperture::targets::follow::Event;
@@ -20,7 +21,6 @@ use subaperture::track_fusion::FusedTrack;
 use super::track_fusion;
 use crate::args::Track;
 use crate::config::{Session, note_inferred};
-use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 
 /// Number of error ellipses in the picture.
@@ -74,10 +74,11 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let drawn = stacked(&charts(&name, &found))?;
     let fixes: Vec<EstimatedFix> = found.moments.iter().map(found_fix).collect();
     let mut files = FileSet::new();
-    files.write_bytes(&typed.out, estimated_track::text(&fixes).as_bytes())?;
-    files.write_bytes(&picture, &drawn)?;
-    files.commit()?;
-    report(session, typed, &picture, &found, both.as_ref())
+    let track = estimated_track::text(&fixes);
+    files.write_bytes(&typed.out, FileKind::Track, track.as_bytes())?;
+    files.write_bytes(&picture, FileKind::Picture, &drawn)?;
+    let files = files.commit()?;
+    report(session, typed, (&picture, &files), &found, both.as_ref())
 }
 
 /// The track's file name with the extension of a picture.
@@ -267,7 +268,7 @@ fn charts(name: &str, found: &Recovered) -> [Chart; 2] {
 fn report(
     session: &Session,
     typed: &Track,
-    picture: &Path,
+    (picture, files): (&Path, &[WrittenFile]),
     found: &Recovered,
     both: Option<&FusedTrack>,
 ) -> anyhow::Result<()> {
@@ -297,7 +298,7 @@ fn report(
                     "pulses": place.pulses,
                     "position_m": place.position_m.to_array(),
                 })).collect::<Vec<_>>(),
-                "files": [OutputFile::new(&typed.out, "track"), OutputFile::new(picture, "picture")],
+                "files": files,
             }),
         );
     }

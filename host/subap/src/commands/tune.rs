@@ -23,7 +23,6 @@ use crate::ahead::Ahead;
 use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
-use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 
 /// Maximum number of keys varied together: each triples the number of neighbours of the best value.
@@ -84,10 +83,9 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     interrupt::check()?;
     let record = record(session, typed, &found, &recording, start)?;
     let mut files = FileSet::new();
-    let mut outputs = Vec::new();
     if let Some(folder) = &typed.out {
         let tuned = varied.history(&found.best)?;
-        outputs = pictures::add_to(
+        pictures::add_to(
             &mut files,
             session,
             typed,
@@ -113,10 +111,9 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
             return Err(error);
         }
     };
-    files.commit()?;
+    let outputs = files.commit()?;
     if session.json() {
         let mut record = record;
-        outputs.extend(file.map(|path| OutputFile::new(&path, "recording")));
         record["files"] = json!(outputs);
         return text::say_json("tune", record);
     }

@@ -8,7 +8,6 @@ use subaperture::focus::moving::{VelocityPlane, default_velocities, velocity_res
 use subaperture::focus::{Formed, ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::{Image, power};
-use subaperture::io::product;
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::planner::forecast::cost;
 use subaperture::plot::{Panel, ShownAxis};
@@ -18,7 +17,7 @@ use crate::ahead::Ahead;
 use crate::args::Velocity;
 use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
-use crate::{files, interrupt, messages, text};
+use crate::{interrupt, messages, text};
 
 /// Form the plane and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
@@ -86,10 +85,10 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         axes: ["v_x (m/s)", "v_y (m/s)"].map(ShownAxis::plain),
         ..Panel::new(&formed.image, &grid, title)
     };
-    forming::write(session, &typed.out, &formed.image, &panel, &metadata)?;
+    let files = forming::write(session, &typed.out, &formed.image, &panel, &metadata)?;
     if session.json() {
         let mut metadata = metadata;
-        metadata["files"] = json!(files::of_image(&typed.out, product::NAMES[0]));
+        metadata["files"] = json!(files);
         return text::say_json("velocity-plane", metadata);
     }
     if !session.prints_text() {

@@ -39,11 +39,13 @@
 //! jobs by the settings of its commands.
 
 mod basis;
+mod output;
 mod stamp;
 mod state;
 mod text;
 
 pub use basis::{Basis, fingerprint};
+pub use output::StageOutput;
 pub use stamp::{FileStamp, stamp};
 pub use state::{FinishedStage, NAME, RunReason, State, StateError};
 pub use text::{JobError, JobText};

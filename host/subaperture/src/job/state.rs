@@ -12,7 +12,8 @@ use subaperture_io::input::open_file;
 use subaperture_io::json::{self, JsonError, Limits};
 
 use super::basis::Basis;
-use super::stamp::{FileStamp, stamp};
+use super::output::StageOutput;
+use super::stamp::FileStamp;
 
 /// File name of the state in a job's folder.
 pub const NAME: &str = "job.json";
@@ -34,8 +35,8 @@ const MAX_LISTED: usize = 4;
 pub struct FinishedStage {
     /// Dependencies with which the stage ran.
     pub basis: Basis,
-    /// Output files, with size and CRC-32.
-    pub outputs: Vec<FileStamp>,
+    /// Output files.
+    pub outputs: Vec<StageOutput>,
     /// Processing time, seconds; for a resumed stage that of its last run.
     pub seconds: f64,
     /// Whether the stage resumed an earlier run.
@@ -228,8 +229,8 @@ impl State {
         }
         // A job deletes only its own outputs, which lie below its folder.
         let mut outputs = state.stages.values().flat_map(|made| &made.outputs);
-        if let Some(output) = outputs.find(|output| !is_within(&output.path)) {
-            return Err(format!("{} is not in the job's folder", output.path));
+        if let Some(output) = outputs.find(|output| !is_within(&output.stamp.path)) {
+            return Err(format!("{} is not in the job's folder", output.stamp.path));
         }
         if let Some((name, made)) = state
             .stages
@@ -279,8 +280,8 @@ impl State {
             return Ok(Some(differs(&made.basis, basis, before)));
         }
         for output in &made.outputs {
-            if stamp(&folder.join(&output.path), &output.path)?.as_ref() != Some(output) {
-                return Ok(Some(RunReason::Output(output.path.clone())));
+            if !output.is_unchanged(folder)? {
+                return Ok(Some(RunReason::Output(output.stamp.path.clone())));
             }
         }
         Ok(None)
@@ -369,6 +370,7 @@ mod tests {
     use std::fs;
 
     use serde_json::json;
+    use subaperture_io::written::{FileKind, WrittenFile};
 
     use super::*;
 
@@ -390,7 +392,10 @@ mod tests {
             basis: basis.clone(),
             outputs: outputs
                 .iter()
-                .map(|name| stamp(&folder.join(name), name).unwrap().unwrap())
+                .map(|name| {
+                    let file = WrittenFile::new(folder.join(name), FileKind::Image);
+                    StageOutput::of(&file, folder).unwrap().unwrap()
+                })
                 .collect(),
             seconds: 1.5,
             resumed: false,
@@ -484,7 +489,7 @@ mod tests {
         let (mut state, ..) = two(at);
         let removed = state.keep(&["focus"]);
         assert_eq!(removed.len(), 1);
-        assert_eq!(removed[0].outputs[0].path, "quality");
+        assert_eq!(removed[0].outputs[0].stamp.path, "quality");
         assert!(state.made("focus").is_some() && state.made("quality").is_none());
     }
 
@@ -511,7 +516,7 @@ mod tests {
         for path in ["/etc/passwd", "../image", "a/../../b", ""] {
             let (mut state, ..) = two(at);
             let mut made = state.made("focus").unwrap().clone();
-            made.outputs[0].path = path.to_owned();
+            made.outputs[0].stamp.path = path.to_owned();
             state.finish(made);
             assert!(
                 State::of_text(state.to_text().as_bytes()).is_err(),

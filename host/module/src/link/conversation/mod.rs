@@ -34,7 +34,9 @@
 //! map in between.
 
 mod configuring;
+mod hearing;
 mod news;
+mod question;
 mod questions;
 mod run;
 mod runs;
@@ -56,7 +58,7 @@ pub(super) use configuring::JobSettings;
 use configuring::{Setting, is_misattributed};
 pub(super) use news::Ledger;
 use news::News;
-use questions::{ATTEMPTS, Question};
+use question::{ATTEMPTS, Question};
 use runs::Runs;
 use streaming::{Clock, Stream};
 

@@ -6,31 +6,10 @@ use subaperture_core::link::{Command, Refusal, Status};
 
 use super::configuring::{Setting, WEIGHT_BYTES};
 use super::news::News;
+use super::question::ATTEMPTS;
 use super::{Conversation, State, Step, since};
 use crate::link::ending::LinkError;
 use crate::link::line::Outbox;
-
-/// Number of attempts of a request. If half of all answers are lost, all of these are lost once in `10^15`.
-pub(super) const ATTEMPTS: u32 = 50;
-
-/// Command waiting for an answer.
-pub(super) struct Question {
-    sequence: u32,
-    asked: Instant,
-    /// Number of attempts without an answer.
-    unanswered: u32,
-}
-
-impl Question {
-    /// Create without a pending request.
-    pub(super) fn new(now: Instant) -> Self {
-        Self {
-            sequence: 0,
-            asked: now,
-            unanswered: 0,
-        }
-    }
-}
 
 impl Conversation<'_> {
     // Requests.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use subaperture::io::ours::TEXT_MARK;
 
-use super::Outcome;
+use super::trials::Outcome;
 use crate::text;
 
 const HEADER: [&str; 7] = [

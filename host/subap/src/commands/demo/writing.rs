@@ -1,21 +1,21 @@
 //! Output files of the demonstration: a folder for each image, the differences, the overview and the table.
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::product::{self, Product};
+use subaperture::io::product::Product;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::plot::{self, Colours, Panel, PlotError, Scale};
 use subaperture::signal::window::Window;
 use subaperture::simulate::Preset;
 
-use super::{GRID, Outcome, report};
+use super::report;
+use super::trials::{GRID, Outcome};
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
-use crate::files::{self, OutputFile};
 use crate::interrupt;
 
 /// Columns of images in the overview: half of all images.
@@ -33,7 +33,7 @@ const DIFFERENCE_SCALE: Scale = Scale::Fixed {
     span_db: 80.0,
 };
 
-/// Write all products, differences and tables, or none.
+/// Write all products, differences and tables, or none. Returns the files.
 pub(super) fn write(
     session: &Session,
     typed: &Demo,
@@ -41,7 +41,7 @@ pub(super) fn write(
     exact: &Image,
     report: &report::Report,
     start: Instant,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<WrittenFile>> {
     let mut files = FileSet::new();
     let image_panel = |image, title: &str| Panel {
         scale: IMAGE_SCALE,
@@ -87,36 +87,27 @@ pub(super) fn write(
     for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
         let picture = plot::quicklook(panel)?;
         let name = format!("difference-{}.png", outcome.trial.folder);
-        files.write_bytes(&typed.out.join(name), &picture)?;
+        files.write_bytes(&typed.out.join(name), FileKind::Picture, &picture)?;
     }
     interrupt::check()?;
-    files.write_bytes(
-        &typed.out.join("overview.png"),
-        &overview(&panels, &differences)?,
-    )?;
-    files.write_bytes(
-        &typed.out.join("errors.md"),
-        report.to_markdown().as_bytes(),
-    )?;
     let mut table = report.to_json();
     table["run"] = record_of_run(session, start.elapsed());
-    let table = serde_json::to_vec_pretty(&table)?;
-    files.write_bytes(&typed.out.join("errors.json"), &table)?;
+    for (name, kind, bytes) in [
+        (
+            "overview.png",
+            FileKind::Picture,
+            overview(&panels, &differences)?,
+        ),
+        ("errors.md", FileKind::Report, report.to_markdown().into()),
+        (
+            "errors.json",
+            FileKind::Record,
+            serde_json::to_vec_pretty(&table)?,
+        ),
+    ] {
+        files.write_bytes(&typed.out.join(name), kind, &bytes)?;
+    }
     Ok(files.commit()?)
-}
-
-/// All files that [`write()`] writes to `folder`.
-pub(super) fn written(folder: &Path, outcomes: &[Outcome]) -> Vec<OutputFile> {
-    let formed = outcomes.iter().map(|outcome| outcome.trial.folder);
-    let images = std::iter::once("exact").chain(formed.clone());
-    let images = images.flat_map(|name| files::of_image(&folder.join(name), product::NAMES[0]));
-    let pictures = formed.map(|name| format!("difference-{name}.png"));
-    let pictures = pictures.chain(["overview.png".to_owned()]);
-    let mut all: Vec<OutputFile> = images.collect();
-    all.extend(files::pictures(folder, pictures));
-    all.push(OutputFile::new(&folder.join("errors.md"), "report"));
-    all.push(OutputFile::new(&folder.join("errors.json"), "record"));
-    all
 }
 
 /// Overview page: rows of images, each above the row of their differences.

@@ -12,14 +12,14 @@ use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::Kind;
 use subaperture::io::product;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::WrittenFile;
 use subaperture::maps::{self, Levels, MapError, Ortho, Projection, Raster, Source, cog::Layout};
 use subaperture::on_map::SicdOnMap;
 
-use super::{One, Written};
+use super::one::{One, Written, recorded, whole};
 use crate::args::{ImageFormat, MapLayout, MapProjection, RemapName};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::files::OutputFile;
 use crate::{log, messages};
 
 /// Map formats of `subap export`.
@@ -96,11 +96,11 @@ pub(super) fn claim(one: &One, format: MapFormat, claims: &mut OutputClaims) -> 
 /// Read a product or SICD and write its map.
 pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::Result<Written> {
     let wanted = Wanted::of(one, format)?;
-    let image = super::whole(session, one.folder)?;
+    let image = whole(session, one.folder)?;
     if let PixelGeometry::Sicd { on_map, .. } = &image.lies {
         return write_sicd(session, &wanted, &image, on_map.as_ref().as_ref());
     }
-    let (grid, record) = super::recorded(one, &image)?;
+    let (grid, record) = recorded(one, &image)?;
     let frame = frame(one, &record)?;
     let looks = image.looks().ok_or(MapError::Unseen)?;
     let source = Source {
@@ -276,18 +276,20 @@ impl<'a> Wanted<'a> {
             Ok::<_, MapError>(levels)
         };
         let title = &about.title;
-        match self.format {
+        let files = match self.format {
             MapFormat::Kmz => {
                 let levels = levels()?;
                 let progress = session.progress("writing");
-                maps::kmz::write(out, ortho, levels, title, &progress)?;
+                let files = maps::kmz::write(out, ortho, levels, title, &progress)?;
                 progress.finish();
+                files
             }
             MapFormat::Png => {
                 let levels = levels()?;
                 let progress = session.progress("writing");
-                maps::picture::write(out, ortho, levels, &progress)?;
+                let files = maps::picture::write(out, ortho, levels, &progress)?;
                 progress.finish();
+                files
             }
             MapFormat::Cog => {
                 let layout = match self.layout {
@@ -308,16 +310,14 @@ impl<'a> Wanted<'a> {
                 };
                 let sidecars = out.with_extension("json");
                 maps::stac::add_to(&mut files, &sidecars, out, ortho, layout, &item)?;
-                files.commit()?;
+                files.commit()?
             }
-        }
-        Ok(self.written(ortho))
+        };
+        Ok(self.written(ortho, files))
     }
 
-    fn written(&self, ortho: &Ortho) -> Written {
+    fn written(&self, ortho: &Ortho, files: Vec<WrittenFile>) -> Written {
         let out = self.one.out;
-        let sidecars = self.format.sidecars(out);
-        let sidecars = sidecars.iter().map(|path| OutputFile::new(path, "sidecar"));
         let raster = ortho.raster();
         Written {
             name: "map",
@@ -330,7 +330,7 @@ impl<'a> Wanted<'a> {
                 "oversampling": ortho.oversampling(),
                 "resampling_error_db": ortho.error_db(),
             }),
-            files: std::iter::once(self.one.file()).chain(sidecars).collect(),
+            files,
             line: format!(
                 "{}: {} x {} pixels of {}, EPSG:{}",
                 out.display(),

@@ -6,7 +6,7 @@ use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::Kind;
 use subaperture::sicd::{Formed, Georeference, Sicd, SicdError};
 
-use super::{One, Written};
+use super::one::{One, Written, recorded, whole};
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages};
@@ -28,8 +28,8 @@ pub(super) fn claim(one: &One, claims: &mut OutputClaims) -> anyhow::Result<()> 
 
 /// Read a product and write it as SICD.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
-    let image = super::whole(session, one.folder)?;
-    let (grid, record) = super::recorded(one, &image)?;
+    let image = whole(session, one.folder)?;
+    let (grid, record) = recorded(one, &image)?;
     let sicd = Formed::of_record(&grid, &record)
         .and_then(|formed| Sicd::new(&formed, &placing(one), now_ns()))
         .map_err(with_advice)?;

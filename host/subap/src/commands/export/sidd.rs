@@ -3,8 +3,8 @@
 use subaperture::maps::Levels;
 use subaperture::sicd::{Formed, Greys, Sidd};
 
+use super::one::{One, Written, recorded, whole};
 use super::sicd::{now_ns, placing, with_advice};
-use super::{One, Written};
 use crate::args::RemapName;
 use crate::config::Session;
 use crate::failure::Usage;
@@ -27,8 +27,8 @@ pub(super) fn check(one: &One) -> Result<(), Usage> {
 /// Read a product and write it as SIDD.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let maps = &one.maps;
-    let image = super::whole(session, one.folder)?;
-    let (grid, record) = super::recorded(one, &image)?;
+    let image = whole(session, one.folder)?;
+    let (grid, record) = recorded(one, &image)?;
     // Default remap of exploitation tools for a complex image.
     let remap = maps.remap.unwrap_or(RemapName::Density);
     let levels = Levels::of(&image.pixels, remap.into(), maps.top, maps.span)?;

@@ -9,7 +9,7 @@ use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::TEXT_MARK;
 use subaperture::io::stack::{Stack, StackError};
 
-use super::{One, Written};
+use super::one::{One, Written, whole};
 use crate::commands::stored;
 use crate::config::Session;
 use crate::failure::Usage;
@@ -39,7 +39,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
         .into_iter()
         .chain(one.others.iter().map(AsRef::as_ref))
     {
-        let next = super::whole(session, path)?;
+        let next = whole(session, path)?;
         if let Some(first) = opened.first() {
             stored::check_same_pixels(first, &next)?;
             if first.values != next.values {

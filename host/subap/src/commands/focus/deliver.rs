@@ -6,13 +6,14 @@ use serde_json::{Value, json};
 use subaperture::image::{Image, ImageSource};
 use subaperture::io::product::{self, CompleteProduct, Product, TiledProduct};
 use subaperture::io::tiles::{self, TileStore};
+use subaperture::io::written::WrittenFile;
 use subaperture::plot::{self, Panel, Source};
 
 use super::record::Record;
 use crate::args::Focus;
 use crate::commands::export::Written;
 use crate::config::Session;
-use crate::{files, interrupt, messages, text};
+use crate::{interrupt, messages, text};
 
 /// Pixels of a complete image.
 pub(super) enum Whole<'a> {
@@ -39,22 +40,14 @@ impl Whole<'_> {
 }
 
 impl Whole<'_> {
-    /// Name of the image in its folder.
-    fn name(&self) -> &'static str {
-        match self {
-            Self::Memory(_) | Self::Array(_) => product::NAMES[0],
-            Self::Tiles(_) => tiles::NAME,
-        }
-    }
-
-    /// Write the record and picture of the image.
+    /// Write the record and picture of the image. Returns all files.
     fn write_metadata(
         self,
         out: &Path,
         mut metadata: Value,
         quicklook: &[u8],
-    ) -> anyhow::Result<()> {
-        match self {
+    ) -> anyhow::Result<Vec<WrittenFile>> {
+        Ok(match self {
             Self::Memory(image) => Product {
                 image,
                 metadata: &metadata,
@@ -69,10 +62,9 @@ impl Whole<'_> {
                     metadata: &metadata,
                     quicklook,
                 }
-                .write(out)?;
+                .write(out)?
             }
-        }
-        Ok(())
+        })
     }
 }
 
@@ -99,23 +91,22 @@ pub(super) fn deliver(
         )?)
     };
     let out = &typed.out;
-    let name = image.name();
-    if let Whole::Memory(image) = &image {
-        product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?;
+    let files = if let Whole::Memory(image) = &image {
+        product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?
     } else {
         let quicklook = &draw()?;
-        image.write_metadata(out, record.to_json(title), quicklook)?;
-    }
+        image.write_metadata(out, record.to_json(title), quicklook)?
+    };
     writing.finish();
     let products = super::products(typed).write(session)?;
     if session.json() {
-        return text::say_json("focus", summary(typed, record, name, &products));
+        return text::say_json("focus", summary(record, files, &products));
     }
     report(session, typed, record, &products)
 }
 
 /// The result as JSON. All settings and figures are in the record, which is among its files.
-fn summary(typed: &Focus, record: &Record, image: &str, products: &[Written]) -> Value {
+fn summary(record: &Record, mut files: Vec<WrittenFile>, products: &[Written]) -> Value {
     let Record {
         settings,
         grid,
@@ -126,7 +117,6 @@ fn summary(typed: &Focus, record: &Record, image: &str, products: &[Written]) ->
     let former = resolved["former"]
         .as_str()
         .or(settings["algorithm"].as_str());
-    let mut files = files::of_image(&typed.out, image);
     files.extend(products.iter().flat_map(|product| product.files.clone()));
     // A requested check has more pixels than the comparison of every image.
     let measured = match check {
@@ -176,7 +166,7 @@ fn report(
         None => "no brightest point: the image is zero".to_owned(),
     })?;
     for product in products {
-        text::say(product.files[0].path())?;
+        text::say(product.files[0].path.display().to_string())?;
     }
     Ok(())
 }

@@ -14,11 +14,11 @@ use subaperture::io::claim::OutputClaims;
 use subaperture::io::product::PendingProduct;
 use subaperture::io::product::record::Brightest;
 use subaperture::io::tiles::{Claimed, TileStore};
+use subaperture::io::written::{FileKind, WrittenFile};
 
 use super::summary::describe;
 use crate::args::{Focus, Part};
 use crate::config::Session;
-use crate::files::OutputFile;
 use crate::{messages, stages, text};
 
 /// Maximum share of the tiles formed in one pass over the pulses, so that a killed run loses little.
@@ -224,7 +224,7 @@ impl ImageSink for StoreSink<'_> {
                     "part": part.to_string(),
                     "tiles": { "formed": there, "count": all },
                     "times_s": messages::times(),
-                    "files": [OutputFile::new(self.store.folder(), "image")],
+                    "files": [WrittenFile::new(self.store.folder(), FileKind::Image)],
                 });
                 text::say_json("focus", part).map_err(io::Error::other)?;
             }

@@ -3,7 +3,7 @@
 use subaperture::resolution::survey::{DefaultGrid, Side, Survey, Widths};
 use subaperture::signal::window::Window;
 
-use super::{Advice, BOUND_DB};
+use super::advice::{Advice, BOUND_DB};
 use crate::config::{OTHER_GRID, Session};
 use crate::text::{self, Fact, bytes, degrees, hertz, metres};
 

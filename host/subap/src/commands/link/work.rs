@@ -14,8 +14,9 @@ use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture_core::link as wire;
 use subaperture_core::link::Encoding;
 
+use super::outcome::{closing, report};
 use super::picture::Picture;
-use super::{Keep, Watching, closing, report};
+use super::receiving::{Keep, Watching};
 use crate::ahead::Ahead;
 use crate::args::Link;
 use crate::commands::plan::gaps;

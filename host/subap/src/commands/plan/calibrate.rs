@@ -1,15 +1,13 @@
 //! `subap plan calibrate`: measure the timing model of this computer for use in planning.
 
-use std::io::Write;
-
 use serde_json::json;
 use subaperture::focus::TimeModel;
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
+use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 
 use crate::args::PlanCalibrate;
 use crate::config::Session;
-use crate::files::OutputFile;
 use crate::text;
 
 /// Measure the timing model and write it.
@@ -20,12 +18,11 @@ pub(super) fn run(session: &Session, typed: &PlanCalibrate) -> anyhow::Result<()
     let name = typed.name.as_deref().unwrap_or("measured");
     let model = TimeModel::measured(name.to_owned());
     measuring.finish();
+    let mut files = FileSet::new();
     let text_of_model = model.to_text();
-    write_atomically(&typed.out, text_of_model.len() as u64, |file| {
-        file.write_all(text_of_model.as_bytes())
-    })?;
+    files.write_bytes(&typed.out, FileKind::TimingModel, text_of_model.as_bytes())?;
+    let files = files.commit()?;
     if session.json() {
-        let files = [OutputFile::new(&typed.out, "timing model")];
         return text::say_json("time-model", json!({ "files": files, "model": model }));
     }
     if session.prints_text() {

@@ -1,17 +1,15 @@
 //! `subap plan focus`: write the plan of an image to a file that any computer can execute.
 
-use std::io::Write;
-
 use serde_json::json;
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
+use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 
 use crate::args::{Part, PlanFocus};
 use crate::commands::air::Recorded;
 use crate::commands::focus::{summary, tiled};
 use crate::commands::{forming, surface};
 use crate::config::Session;
-use crate::files::OutputFile;
 use crate::stages::duration;
 use crate::text;
 
@@ -31,14 +29,14 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let (plan, comparison) =
         tiled::plan_recording(session, &typed.image, history, &grid, numerics)?;
     let text_of_plan = plan.to_text();
-    write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
-        file.write_all(text_of_plan.as_bytes())
-    })?;
+    let mut files = FileSet::new();
+    files.write_bytes(&typed.out, FileKind::Plan, text_of_plan.as_bytes())?;
+    let files = files.commit()?;
     if session.json() {
         return text::say_json(
             "plan",
             json!({
-                "files": [OutputFile::new(&typed.out, "plan")],
+                "files": files,
                 "former": plan.former,
                 "planned_error_db": plan.planned_db,
                 "choices": plan.summary,

@@ -8,6 +8,7 @@ use subaperture::focus::{ImageFormer, SCRATCH_BYTES};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::planner::ambiguity::{Around, MAX_CELLS};
 use subaperture::planner::grating::PointResponse;
@@ -19,7 +20,6 @@ use subaperture::signal::window::Window;
 
 use crate::args::PlanRadar;
 use crate::config::{DEFAULT_ERROR_DB, Session};
-use crate::files;
 use crate::text::{self, Fact, bytes, metres};
 
 /// Names of the pictures.
@@ -60,22 +60,21 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     };
     let planning = session.progress("planning");
     let plan = RadarPlan::new(&collection, &request)?;
+    let mut files = FileSet::new();
     if let Some(folder) = &typed.plots {
         let mut claims = session.claims(&typed.writing, &typed.input.files);
         claims.folder(folder, PLOTS)?;
         let response = plot(&collection, &grid, &plan)?;
         let ambiguity = plot_ambiguity(&pulse(typed, &plan))?;
-        let mut files = FileSet::new();
-        files.write_bytes(&folder.join(PLOTS[0]), &response)?;
-        files.write_bytes(&folder.join(PLOTS[1]), &ambiguity)?;
-        files.commit()?;
+        for (name, picture) in PLOTS.iter().zip([response, ambiguity]) {
+            files.write_bytes(&folder.join(name), FileKind::Picture, &picture)?;
+        }
     }
+    let files = files.commit()?;
     planning.finish();
     if session.json() {
         let mut plan = serde_json::to_value(&plan)?;
-        let folder = typed.plots.iter();
-        let plots = folder.flat_map(|folder| files::pictures(folder, PLOTS));
-        plan["files"] = serde_json::json!(plots.collect::<Vec<_>>());
+        plan["files"] = serde_json::json!(files);
         return text::say_json("radar-plan", plan);
     }
     text::say(to_text(&plan))?;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::plot::{
     Chart, Colours, Curve, HeatMap, Panel, Scale, Source as Shown, Stroke, heat, lines,
     quicklook_within,
@@ -18,14 +19,14 @@ use crate::interrupt;
 /// Lower limit of cuts, dB.
 const FLOOR_DB: f64 = -60.0;
 
-/// Write all pictures or none into `folder`, which is created if needed. Returns their names.
+/// Write all pictures or none into `folder`, which is created if needed. Returns them.
 pub(super) fn write(
     claims: &mut OutputClaims,
     folder: &Path,
     report: &Report,
     source: &Source,
     picture_bytes: u64,
-) -> anyhow::Result<Vec<String>> {
+) -> anyhow::Result<Vec<WrittenFile>> {
     let mut drawn: Vec<(String, Vec<u8>)> = Vec::new();
     let mut save = |name: String, bytes: Vec<u8>| {
         drawn.push((name, bytes));
@@ -92,15 +93,12 @@ pub(super) fn write(
         )?;
     }
     claims.folder(folder, drawn.iter().map(|(name, _)| name))?;
-    let mut names = Vec::with_capacity(drawn.len());
     let mut files = FileSet::new();
     for (name, bytes) in drawn {
         interrupt::check()?;
-        files.write_bytes(&folder.join(&name), &bytes)?;
-        names.push(name);
+        files.write_bytes(&folder.join(&name), FileKind::Picture, &bytes)?;
     }
-    files.commit()?;
-    Ok(names)
+    Ok(files.commit()?)
 }
 
 fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &str) -> Chart {

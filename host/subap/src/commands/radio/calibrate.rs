@@ -3,6 +3,7 @@
 use serde_json::json;
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::io::ours::Kind;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::radio::Reference;
 use subaperture::radio::profile::{Calibration, Steps};
 use subaperture::radio::sigmf::{Recording, Setup};
@@ -10,7 +11,6 @@ use subaperture::radio::sigmf::{Recording, Setup};
 use crate::args::Calibrate;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::files::OutputFile;
 use crate::{log, text};
 
 pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
@@ -72,7 +72,7 @@ pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
         return text::say_json(
             "calibration",
             json!({
-                "files": [OutputFile::new(&typed.out, "calibration")],
+                "files": [WrittenFile::new(&typed.out, FileKind::Calibration)],
                 "date": calibration.date,
                 "receivers": each.collect::<Vec<_>>(),
             }),

@@ -9,7 +9,6 @@ use subaperture::radio::profile::{self, Calibration};
 
 use crate::args::Convert;
 use crate::config::Session;
-use crate::files::OutputFile;
 use crate::{messages, text};
 
 pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
@@ -62,7 +61,7 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
         .map(|(about, history)| Channel::new(about.name.clone(), history))
         .collect();
     let progress = session.progress("writing");
-    cphd::write(&typed.out, &written, &WriteOptions::default(), &progress)?;
+    let files = cphd::write(&typed.out, &written, &WriteOptions::default(), &progress)?;
     progress.finish();
     let collection = channels.channel(0).collection();
     let (pulses, frequencies) = (collection.pulses.len(), collection.num_samples);
@@ -70,7 +69,7 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
         return text::say_json(
             "conversion",
             json!({
-                "files": [OutputFile::new(&typed.out, "phase history")],
+                "files": files,
                 "channels": channels.len(),
                 "pulses": pulses,
                 "samples": frequencies,

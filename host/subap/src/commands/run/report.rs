@@ -11,16 +11,16 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::input::open_file;
 use subaperture::io::json::{self, JsonError};
 use subaperture::io::product::RECORD_LIMITS;
-use subaperture::job::{Basis, FinishedStage, JobText, RunReason, State, fingerprint, stamp};
+use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::job::{Basis, FinishedStage, JobText, RunReason, StageOutput, State, fingerprint};
 use subaperture::phase_history::InputFile;
 
-use super::StageOutcome;
 use super::chain::{Link, REPORT, Stage};
 use super::job::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
 use super::keys;
 use super::page::{Cells, Page, Row, escaped};
 use super::tables::{self, decibels, seconds, words};
-use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, Worker};
+use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, StageOutcome, Worker};
 use crate::config::Session;
 use crate::{log, text};
 
@@ -78,11 +78,12 @@ pub(super) fn run_stage(
     let html = report.page()?;
     state.forget(REPORT);
     state.write(out)?;
-    write_atomically(&out.join(NAME), html.len() as u64, |file| {
+    let file = WrittenFile::new(out.join(NAME), FileKind::Report);
+    write_atomically(&file.path, html.len() as u64, |file| {
         file.write_all(html.as_bytes())
     })?;
     let seconds = begun.elapsed().as_secs_f64();
-    let output = stamp(&out.join(NAME), NAME)?;
+    let output = StageOutput::of(&file, out)?;
     state.finish(FinishedStage {
         basis,
         outputs: output.into_iter().collect(),
@@ -243,8 +244,8 @@ impl Report<'_> {
         let made = self.state.made(Stage::Quality.name());
         let mut pictures = Vec::new();
         for output in made.map_or(&[][..], |made| &made.outputs) {
-            if let Some(name) = output.path.strip_prefix(&format!("{PLOTS}/")) {
-                pictures.push((self.picture(&output.path)?, tables::caption(name)));
+            if let Some(name) = output.stamp.path.strip_prefix(&format!("{PLOTS}/")) {
+                pictures.push((self.picture(&output.stamp.path)?, tables::caption(name)));
             }
         }
         if !pictures.is_empty() {
@@ -263,10 +264,10 @@ impl Report<'_> {
             .iter()
             .map(|file| {
                 let cells = vec![
-                    format!("<code>{}</code>", escaped(&file.path)),
-                    text::bytes(file.bytes.into()),
-                    file.bytes.to_string(),
-                    format!("<code>{}</code>", file.crc32),
+                    format!("<code>{}</code>", escaped(&file.stamp.path)),
+                    text::bytes(file.stamp.bytes.into()),
+                    file.stamp.bytes.to_string(),
+                    format!("<code>{}</code>", file.stamp.crc32),
                 ];
                 ("", cells)
             })

@@ -9,11 +9,12 @@ use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::tiles::{self, TileStore};
-use subaperture::job::{FileStamp, RunReason, State, stamp};
+use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::job::{RunReason, StageOutput, State};
 
 use super::chain::{Link, Stage};
-use super::job::{AUTOFOCUS_PNG, CORRECTION, Job, PICTURE_PNG, TRACK_CSV, TRACK_PNG};
-use crate::args::{self, ImageFormat};
+use super::job::{Job, PICTURE_PNG, TRACK_CSV, TRACK_PNG};
+use crate::args;
 use crate::commands::export::Products;
 use crate::commands::{autofocus, focus, picture, quality, track};
 use crate::config::Session;
@@ -24,8 +25,14 @@ pub(super) const CHECK_JSON: &str = "check.json";
 pub(super) const QUALITY_JSON: &str = "quality.json";
 pub(super) const PLOTS: &str = "quality";
 
-/// Files of the image.
-const IMAGE: [&str; 3] = [tiles::NAME, "image.json", "image.png"];
+/// Outcome of a stage.
+pub(super) struct StageOutcome {
+    pub(super) name: &'static str,
+    /// Why the stage was run; `None` if its outputs were up to date.
+    pub(super) why: Option<RunReason>,
+    /// Processing time, seconds; for a reused stage that of its run.
+    pub(super) seconds: f64,
+}
 
 /// Processing of the stages of one job.
 pub(super) struct Worker<'a> {
@@ -85,43 +92,51 @@ impl Worker<'_> {
         Ok(resumes && self.out().join(tiles::NAME).exists())
     }
 
-    /// Run a stage. Returns its output files, relative to the job's folder.
-    pub(super) fn work(&self, stage: Stage) -> anyhow::Result<Vec<String>> {
+    /// Run a stage. Returns its output files.
+    pub(super) fn work(&self, stage: Stage) -> anyhow::Result<Vec<WrittenFile>> {
         let job = self.job;
         let missing = "a stage of the chain has settings";
-        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         match stage {
             Stage::Track => {
                 track::run(self.session, job.track.as_ref().expect(missing))?;
-                Ok(names(&[TRACK_CSV, TRACK_PNG]))
+                Ok(vec![
+                    self.file(TRACK_CSV, FileKind::Track),
+                    self.file(TRACK_PNG, FileKind::Picture),
+                ])
             }
             Stage::Autofocus => {
                 let autofocus = job.autofocus.as_ref().expect(missing);
-                self.record(
-                    AUTOFOCUS_JSON,
-                    autofocus::estimate(self.session, autofocus)?,
-                )?;
-                Ok(names(&[CORRECTION, AUTOFOCUS_PNG, AUTOFOCUS_JSON]))
+                let (record, mut files) = autofocus::estimate(self.session, autofocus)?;
+                files.push(self.record(AUTOFOCUS_JSON, record)?);
+                Ok(files)
             }
             Stage::Focus => {
                 focus::run(self.session, &job.focus)?;
-                Ok(names(&IMAGE))
+                Ok(vec![
+                    self.file(tiles::NAME, FileKind::Image),
+                    self.file("image.json", FileKind::Record),
+                    self.file("image.png", FileKind::Picture),
+                ])
             }
             Stage::Check => {
                 let check = focus::checked(self.session, &job.focus, job.check)?;
-                self.record(CHECK_JSON, json!(check))?;
-                Ok(names(&[CHECK_JSON]))
+                Ok(vec![self.record(CHECK_JSON, json!(check))?])
             }
             Stage::Picture => {
                 picture::run(self.session, &job.picture)?;
-                Ok(names(&[PICTURE_PNG]))
+                Ok(vec![self.file(PICTURE_PNG, FileKind::Picture)])
             }
             Stage::Quality => self.quality(),
             Stage::Products => self.products(),
         }
     }
 
-    fn quality(&self) -> anyhow::Result<Vec<String>> {
+    /// File of this name in the job's folder.
+    fn file(&self, name: &str, kind: FileKind) -> WrittenFile {
+        WrittenFile::new(self.out().join(name), kind)
+    }
+
+    fn quality(&self) -> anyhow::Result<Vec<WrittenFile>> {
         let plots = self.out().join(PLOTS);
         let mut claims = self.claims();
         let (report, drawn) = quality::of_job(
@@ -131,14 +146,11 @@ impl Worker<'_> {
             &plots,
             &mut claims,
         )?;
-        self.record(QUALITY_JSON, report)?;
-        let drawn = drawn.into_iter().map(|name| format!("{PLOTS}/{name}"));
-        Ok(std::iter::once(QUALITY_JSON.to_owned())
-            .chain(drawn)
-            .collect())
+        let record = self.record(QUALITY_JSON, report)?;
+        Ok([record].into_iter().chain(drawn).collect())
     }
 
-    fn products(&self) -> anyhow::Result<Vec<String>> {
+    fn products(&self) -> anyhow::Result<Vec<WrittenFile>> {
         let products = Products {
             folder: self.out(),
             formats: &self.job.products.formats,
@@ -146,25 +158,17 @@ impl Worker<'_> {
             writing: self.writing,
         };
         let _claims = products.claim(self.session, &self.job.focus.input.files)?;
-        products.write(self.session)?;
-        let files = self.job.products.formats.iter().flat_map(|format| {
-            let companions: &[&str] = match format {
-                ImageFormat::Cog => &["map.json"],
-                ImageFormat::Png => &["map.pgw", "map.prj"],
-                _ => &[],
-            };
-            std::iter::once(format.file_name()).chain(companions.iter().copied())
-        });
-        Ok(files.map(str::to_owned).collect())
+        let written = products.write(self.session)?;
+        Ok(written.into_iter().flat_map(|one| one.files).collect())
     }
 
     /// Remove outputs of an earlier run that are unchanged since: with other settings, files of other names would remain.
-    pub(super) fn remove_outputs(&self, outputs: &[FileStamp]) {
+    pub(super) fn remove_outputs(&self, outputs: &[StageOutput]) {
         for output in outputs {
-            let path = self.out().join(&output.path);
-            if !matches!(stamp(&path, &output.path), Ok(Some(now)) if now == *output) {
+            if !matches!(output.is_unchanged(self.out()), Ok(true)) {
                 continue;
             }
+            let path = self.out().join(&output.stamp.path);
             // If this fails, a file too many remains.
             let _ = match path.is_dir() {
                 true => fs::remove_dir_all(&path),
@@ -179,7 +183,7 @@ impl Worker<'_> {
     }
 
     /// Write a record, with its schema and version added to the object `value`.
-    fn record(&self, name: &str, mut value: Value) -> anyhow::Result<()> {
+    fn record(&self, name: &str, mut value: Value) -> anyhow::Result<WrittenFile> {
         let schema = name.trim_end_matches(".json");
         if let Some(object) = value.as_object_mut() {
             let entry = object.entry("schema");
@@ -187,9 +191,10 @@ impl Worker<'_> {
             object.entry("schema_version").or_insert_with(|| 1.into());
         }
         let text = serde_json::to_string_pretty(&value)? + "\n";
-        write_atomically(&self.out().join(name), text.len() as u64, |file| {
+        let file = self.file(name, FileKind::Record);
+        write_atomically(&file.path, text.len() as u64, |file| {
             file.write_all(text.as_bytes())
         })?;
-        Ok(())
+        Ok(file)
     }
 }

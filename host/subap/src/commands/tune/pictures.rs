@@ -9,16 +9,16 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 use subaperture::phase_history::{InMemory, PhaseHistory, ReadError, Weights};
 use subaperture::plot::{self, Chart, Colours, Curve, HeatMap, Panel};
 
 use super::{figure, less_is_better, measure_name, rounded};
 use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
-use crate::files::OutputFile;
 use crate::interrupt;
 
-/// Add all files to a set and return them; `histories` are the recording as described, if possible, and as tuned.
+/// Add all files to a set; `histories` are the recording as described, if possible, and as tuned.
 pub(super) fn add_to(
     files: &mut FileSet,
     session: &Session,
@@ -27,16 +27,14 @@ pub(super) fn add_to(
     record: &Value,
     found: &Tuned,
     histories: [&Result<InMemory, ReadError>; 2],
-) -> anyhow::Result<Vec<OutputFile>> {
-    let mut written = Vec::new();
+) -> anyhow::Result<()> {
     let mut put = |name: &str, bytes: &[u8]| {
         let path = folder.join(name);
         let kind = match name {
-            "tune.json" => "record",
-            _ => "picture",
+            "tune.json" => FileKind::Record,
+            _ => FileKind::Picture,
         };
-        written.push(OutputFile::new(&path, kind));
-        files.write_bytes(&path, bytes)
+        files.write_bytes(&path, kind, bytes)
     };
     put("tune.json", &serde_json::to_vec_pretty(record)?)?;
     for (vary, (scan, &best)) in typed.vary.iter().zip(found.scans.iter().zip(&found.best)) {
@@ -98,7 +96,7 @@ pub(super) fn add_to(
         put("image.png", &plot::panels(&panels, 2)?)?;
     }
     interrupt::check()?;
-    Ok(written)
+    Ok(())
 }
 
 fn image(

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use subaperture::io::recording::RecordingFile;
 use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 
 use crate::args::Tune;
 use crate::failure::Usage;
@@ -66,15 +67,9 @@ pub(super) fn add_to(
                 typed.recording.display(),
                 lines()
             );
-            // Resolve symbolic links to write the file itself.
-            std::fs::canonicalize(&typed.recording).unwrap_or_else(|_| typed.recording.clone())
+            typed.recording.clone()
         }
     };
-    files.write_bytes(&file, text.as_bytes())?;
-    Ok(Some(
-        typed
-            .write_to
-            .clone()
-            .unwrap_or_else(|| typed.recording.clone()),
-    ))
+    files.write_bytes(&file, FileKind::Recording, text.as_bytes())?;
+    Ok(Some(file))
 }

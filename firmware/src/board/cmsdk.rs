@@ -1,0 +1,50 @@
+//! ARM CMSDK peripherals (DDI 0479) of the AN500: their registers, and the log on UART1.
+
+#[cfg(not(feature = "defmt"))]
+use super::uart;
+
+pub(super) const CLOCK_HZ: u32 = 25_000_000;
+pub(super) const BAUD: u32 = 921_600;
+
+/// Write a line of log to UART1.
+#[cfg(not(feature = "defmt"))]
+pub(super) fn line(message: core::fmt::Arguments<'_>) {
+    let registers = Registers(0x4000_5000);
+    // Set up every time, since a line may be logged before any other initialisation.
+    registers.write(uart::BAUDDIV, CLOCK_HZ / BAUD);
+    registers.write(uart::CTRL, uart::TX_ENABLE);
+    // Cannot fail: it waits until there is room.
+    let _ = core::fmt::write(&mut Log(registers), format_args!("{message}\n"));
+}
+
+/// UART1 as a text output.
+#[cfg(not(feature = "defmt"))]
+struct Log(Registers);
+
+#[cfg(not(feature = "defmt"))]
+impl core::fmt::Write for Log {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        for byte in text.bytes() {
+            while self.0.read(uart::STATE) & uart::TX_FULL != 0 {}
+            self.0.write(uart::DATA, u32::from(byte));
+        }
+        Ok(())
+    }
+}
+
+/// 32-bit registers of a peripheral.
+#[derive(Debug)]
+pub(super) struct Registers(pub(super) usize);
+
+impl Registers {
+    pub(super) fn read(&self, offset: usize) -> u32 {
+        // SAFETY: only `An500::take` and `line` create these, from peripheral addresses; `offset` is one of the constants
+        // of `uart` and `an500`, aligned and within the peripheral.
+        unsafe { ((self.0 + offset) as *const u32).read_volatile() }
+    }
+
+    pub(super) fn write(&self, offset: usize, value: u32) {
+        // SAFETY: as above.
+        unsafe { ((self.0 + offset) as *mut u32).write_volatile(value) }
+    }
+}
