@@ -15,6 +15,10 @@
 //! instead of a line.
 #![forbid(unsafe_code)]
 
+// The name that declared sections refer to.
+extern crate self as subaperture_describe;
+
+pub mod declare;
 mod edit;
 pub mod error;
 pub mod keys;
@@ -37,11 +41,14 @@ use std::path::{Path, PathBuf};
 use toml_parser::Source;
 use toml_parser::decoder::ScalarKind;
 
+use declare::Declared;
 use error::{ALLOW_MORE_MEMORY, Fault, Location, explain};
 use schema::{Schema, Section};
 use subaperture_model::nearest::nearest;
 use tree::{Step, apply_setting, parse_path, parse_setting};
 use values::Values;
+
+pub use subaperture_model::units::Dimension;
 
 pub use error::{DescriptionError, RenderedFault};
 pub use memory::DEFAULT_MEMORY_BYTES;
@@ -195,6 +202,14 @@ impl Description {
         } else {
             Err(faults)
         }
+    }
+
+    /// Check the text with its settings against the schema of `T`, and read it.
+    ///
+    /// # Errors
+    /// As [`Self::resolve`].
+    pub fn resolve_as<T: Declared>(&self, schema: &Schema) -> Result<T, Vec<Fault>> {
+        self.resolve(schema).map(|values| T::read(&values))
     }
 
     /// The text with the keys at the given dotted paths set to the given values, and nothing else changed. Settings are

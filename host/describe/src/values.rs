@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
+use super::declare::{KeyType, split};
 use super::error::{Fault, Location};
 use super::schema::Section;
 
@@ -25,6 +26,16 @@ pub enum Value {
     Numbers(Vec<f64>),
     /// Rows of quantities.
     Rows(Vec<Vec<f64>>),
+}
+
+impl Value {
+    /// The string, if it is one.
+    pub fn as_text(&self) -> Option<&str> {
+        match self {
+            Self::Text(text) => Some(text),
+            _ => None,
+        }
+    }
 }
 
 /// Value of a key with its position.
@@ -71,6 +82,12 @@ impl Values {
         &given
             .unwrap_or_else(|| panic!("{}: '{key}' may be absent", self.section.header()))
             .value
+    }
+
+    /// Value of the key of a field, whose name may end in a unit.
+    pub fn key<T: KeyType>(&self, field: &'static str) -> T {
+        let (name, _) = split(field);
+        T::read(self.given(name), &self.at)
     }
 
     /// Position of a key's value; that of the section if the key is absent.
