@@ -21,7 +21,6 @@ extern crate self as subaperture_describe;
 pub mod declare;
 mod edit;
 pub mod error;
-pub mod keys;
 pub mod memory;
 mod of_kind;
 pub mod place;
