@@ -33,8 +33,8 @@
 //! let description = Description::new("a.toml", text, ".");
 //! let top: Top = description.resolve_as(&schema).map_err(|faults| description.explain(faults))?;
 //! assert_eq!(*top.oscillator.frequency_hz, 5e6);
-//! let Source::External { delay_s } = top.oscillator.source else { panic!() };
-//! assert_eq!(delay_s, 0.5);
+//! let Source::External(external) = &top.oscillator.source else { panic!() };
+//! assert_eq!(external.delay_s, 0.5);
 //! let fault = top.oscillator.frequency_hz.fault("expected 10 MHz");
 //! assert!(description.explain(vec![fault]).to_string().starts_with("a.toml:2:13: expected 10 MHz"));
 //! # Ok::<(), subaperture_describe::DescriptionError>(())
@@ -50,7 +50,7 @@
 //!   `within(from, to, "words")` in SI units, `whole(from, to)` of integers; `words("a", "b")` permitted for a text; `rows(least, Time,
 //!   Length)` of an array of rows.
 //! - `select(A, B)` makes the key the **selector** of its section, and its type an enum. A key with `when(A)` applies to these values only: it
-//!   is a field of their variants if it is required or has a default, and a field of the struct if it is optional.
+//!   is in the structs of their variants if it is required or has a default, and a field of the section's struct if it is optional.
 //! - `#[section]` holds a section within, `#[keys]` the keys of another struct, `#[at]` the [`Location`] of the header. `#[skip]` is a
 //!   field that is not in the text: it has its default, and the reader sets it.
 
@@ -77,7 +77,7 @@ pub trait Declared: Sized {
     fn keys() -> Vec<Key>;
 
     /// Add the sections within the one at `path`; subsections follow their parents.
-    fn sections(path: &str, sections: &mut Vec<&'static Section>);
+    fn sections(path: &str, sections: &mut Vec<Section>);
 
     /// Read the values of a section that was checked against the schema.
     fn read(values: &Values) -> Self;
@@ -165,6 +165,9 @@ impl Limits {
 
 /// Type of a field that holds a key's value.
 pub trait KeyType: Sized {
+    /// Whether the key may be optional.
+    const MAY_BE_ABSENT: bool = false;
+
     /// Type of the value in the text.
     fn kind(limits: &Limits) -> ValueType;
 
@@ -185,7 +188,20 @@ fn agreed<T: KeyType>(value: &Value) -> T {
     T::of(value).expect("values agree with the schema")
 }
 
+impl Values {
+    /// Value of the key of a field, whose name may end in a unit.
+    ///
+    /// # Panics
+    /// If the schema has no key of this name and type.
+    pub fn key<T: KeyType>(&self, field: &'static str) -> T {
+        let (name, _) = split(field);
+        T::read(self.keys.get(name), &self.at)
+    }
+}
+
 impl<T: KeyType> KeyType for Option<T> {
+    const MAY_BE_ABSENT: bool = true;
+
     fn kind(limits: &Limits) -> ValueType {
         T::kind(limits)
     }
@@ -244,6 +260,8 @@ impl<const COLUMNS: usize> KeyType for Vec<[f64; COLUMNS]> {
 
 /// Rows of two quantities; none if the key is absent.
 impl KeyType for Vec<(f64, f64)> {
+    const MAY_BE_ABSENT: bool = true;
+
     fn kind(limits: &Limits) -> ValueType {
         Vec::<[f64; 2]>::kind(limits)
     }
@@ -305,6 +323,8 @@ impl<T> Deref for Located<T> {
 }
 
 impl<T: KeyType> KeyType for Located<T> {
+    const MAY_BE_ABSENT: bool = T::MAY_BE_ABSENT;
+
     fn kind(limits: &Limits) -> ValueType {
         T::kind(limits)
     }
@@ -348,30 +368,30 @@ type Within<'p> = (
 /// Add the section declared as `T`, and all within it.
 pub fn within<T: Declared>(
     (parent, name, presence, when, doc): Within,
-    sections: &mut Vec<&'static Section>,
+    sections: &mut Vec<Section>,
 ) {
-    let path: &'static str = match parent {
-        "" => name,
-        parent => format!("{parent}.{name}").leak(),
+    let path = match parent {
+        "" => name.to_owned(),
+        parent => format!("{parent}.{name}"),
     };
-    sections.push(Box::leak(Box::new(Section {
-        path,
+    sections.push(Section {
+        path: path.clone(),
         presence,
         when,
         selector: T::SELECTOR,
         doc,
-        keys: T::keys().leak(),
-    })));
-    T::sections(path, sections);
+        keys: T::keys(),
+    });
+    T::sections(&path, sections);
 }
 
 impl Schema {
-    /// Schema of a description whose top level is declared as `T`. It is never freed: keep it in a static.
+    /// Schema of a description whose top level is declared as `T`.
     pub fn of<T: Declared>(introduction: &'static str) -> Self {
         let mut sections = Vec::new();
         within::<T>(("", "", Presence::Always, &[], ""), &mut sections);
         Self {
-            sections: sections.leak(),
+            sections,
             introduction,
         }
     }

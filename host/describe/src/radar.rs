@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::declare::{Choice, Located, section};
 use crate::error::Fault;
-use crate::receiver::{ClockKeys, ConverterKeys, InterferenceKeys, NoiseKeys, PhaseNoiseKeys};
+use crate::receiver::ReceiverKeys;
 
 /// Waveform, timing and antennas of the radar.
 #[section]
@@ -75,21 +75,9 @@ pub struct RadarKeys {
     /// Receive antenna; all of them receive every pulse. Default: one isotropic antenna at the body's origin.
     #[section]
     pub receiver: Vec<AntennaKeys>,
-    /// Thermal noise of the receiver.
-    #[section]
-    pub noise: Option<NoiseKeys>,
-    /// Phase noise of the oscillator shared by transmitter and receiver.
-    #[section]
-    pub phase_noise: Option<PhaseNoiseKeys>,
-    /// Errors of the sample clock.
-    #[section]
-    pub clock: Option<ClockKeys>,
-    /// Interfering transmitter.
-    #[section]
-    pub interference: Vec<InterferenceKeys>,
-    /// Analogue-to-digital converters of I and Q.
-    #[section]
-    pub converter: Option<ConverterKeys>,
+    /// Impairments of the receiver.
+    #[keys]
+    pub impairments: ReceiverKeys,
 }
 
 /// Direction of a frequency sweep.
@@ -220,7 +208,7 @@ impl RadarKeys {
         };
         let transmitters = of(&self.transmitter, "T").map_err(&mut keep).ok();
         let receivers = of(&self.receiver, "R").map_err(&mut keep).ok();
-        let receiver = self.receiver_chain().map_err(&mut keep).ok();
+        let receiver = self.impairments.build().map_err(&mut keep).ok();
         match (pri_s, waveform, transmitters, receivers, receiver) {
             (Some(pri_s), Some(waveform), Some(transmitters), Some(receivers), Some(receiver)) => {
                 Ok(Radar {
@@ -245,68 +233,56 @@ impl RadarKeys {
     fn waveform(&self) -> Result<Waveform, Fault> {
         let (centre_hz, count) = (self.centre_hz, *self.samples);
         match &self.kind {
-            WaveformKeys::Ideal { bandwidth_hz } => Ok(Waveform::Ideal {
-                band: band(bandwidth_hz, centre_hz, count)?,
+            WaveformKeys::Ideal(ideal) => Ok(Waveform::Ideal {
+                band: band(&ideal.bandwidth_hz, centre_hz, count)?,
             }),
-            WaveformKeys::Stepped {
-                bandwidth_hz,
-                step_time_s,
-            } => {
-                let dwell_s = self
-                    .dwell_s
-                    .as_ref()
-                    .map_or(*step_time_s, |dwell_s| **dwell_s);
+            WaveformKeys::Stepped(stepped) => {
+                let step_s = stepped.step_time_s;
+                let dwell_s = self.dwell_s.as_deref().copied().unwrap_or(step_s);
                 if let Some(dwell) = &self.dwell_s
-                    && dwell_s > step_time_s * (1.0 + 1e-9)
+                    && dwell_s > step_s * (1.0 + 1e-9)
                 {
                     return Err(dwell.fault("dwell is longer than step_time: shorten it"));
                 }
                 Ok(Waveform::Stepped {
-                    band: band(bandwidth_hz, centre_hz, count)?,
-                    step_s: *step_time_s,
+                    band: band(&stepped.bandwidth_hz, centre_hz, count)?,
+                    step_s,
                     dwell_s,
                 })
             }
-            WaveformKeys::Fmcw {
-                bandwidth_hz,
-                sample_rate_hz,
-                sweep,
-                mixer_delay_s,
-            } => {
-                check_bandwidth(bandwidth_hz, centre_hz)?;
-                let duration_s = sampled_s(sample_rate_hz, count)?;
-                let direction = match sweep {
-                    Sweep::Down => -1.0,
-                    Sweep::Up => 1.0,
+            WaveformKeys::Fmcw(fmcw) => {
+                check_bandwidth(&fmcw.bandwidth_hz, centre_hz)?;
+                let duration_s = sampled_s(&fmcw.sample_rate_hz, count)?;
+                let swept_hz = match fmcw.sweep {
+                    Sweep::Down => -*fmcw.bandwidth_hz,
+                    Sweep::Up => *fmcw.bandwidth_hz,
                 };
                 Ok(Waveform::Fmcw {
-                    start_hz: centre_hz - direction * **bandwidth_hz / 2.0,
-                    chirp_hz_s: direction * **bandwidth_hz / duration_s,
-                    sample_rate_hz: **sample_rate_hz,
+                    start_hz: centre_hz - swept_hz / 2.0,
+                    chirp_hz_s: swept_hz / duration_s,
+                    sample_rate_hz: *fmcw.sample_rate_hz,
                     num_samples: count,
-                    mixer_delay_s: *mixer_delay_s,
+                    mixer_delay_s: fmcw.mixer_delay_s,
                 })
             }
-            WaveformKeys::Pulsed {
-                sample_rate_hz,
-                pulse,
-            } => {
-                sampled_s(sample_rate_hz, count)?;
-                if **sample_rate_hz >= 2.0 * centre_hz {
-                    return Err(sample_rate_hz.fault(
+            WaveformKeys::Pulsed(pulsed) => {
+                let sample_rate_hz = *pulsed.sample_rate_hz;
+                sampled_s(&pulsed.sample_rate_hz, count)?;
+                if sample_rate_hz >= 2.0 * centre_hz {
+                    return Err(pulsed.sample_rate_hz.fault(
                         "the sampled band extends below 0 Hz: choose a rate below twice the centre frequency",
                     ));
                 }
                 Ok(Waveform::Pulsed {
                     centre_hz,
-                    sample_rate_hz: **sample_rate_hz,
+                    sample_rate_hz,
                     num_samples: count,
                     window_start_s: self
                         .window_start_s
                         .as_deref()
                         .copied()
                         .unwrap_or(f64::INFINITY),
-                    shape: pulse.shape(**sample_rate_hz)?,
+                    shape: pulsed.pulse.shape(sample_rate_hz)?,
                 })
             }
         }
@@ -379,39 +355,35 @@ impl PulseKeys {
     /// The first invalid or inconsistent value, at its key.
     pub fn shape(&self, sample_rate_hz: f64) -> Result<PulseShape, Fault> {
         match &self.kind {
-            ShapeKeys::Lfm {
-                bandwidth_hz,
-                duration_s,
-                sweep,
-            } => {
-                if **bandwidth_hz > sample_rate_hz {
-                    return Err(bandwidth_hz.fault(format!(
+            ShapeKeys::Lfm(lfm) => {
+                if *lfm.bandwidth_hz > sample_rate_hz {
+                    return Err(lfm.bandwidth_hz.fault(format!(
                         "the pulse's bandwidth exceeds the sample rate of {}: lower it, or raise [radar] sample_rate",
                         hertz(sample_rate_hz)
                     )));
                 }
-                if **bandwidth_hz * **duration_s < 1.0 {
-                    return Err(duration_s.fault(
+                if *lfm.bandwidth_hz * *lfm.duration_s < 1.0 {
+                    return Err(lfm.duration_s.fault(
                         "the time-bandwidth product is below 1, too small for a chirp: lengthen the pulse",
                     ));
                 }
                 Ok(PulseShape::Lfm {
-                    bandwidth_hz: **bandwidth_hz,
-                    duration_s: **duration_s,
-                    rising: *sweep == Sweep::Up,
+                    bandwidth_hz: *lfm.bandwidth_hz,
+                    duration_s: *lfm.duration_s,
+                    rising: lfm.sweep == Sweep::Up,
                 })
             }
-            ShapeKeys::Code { chip_s } => {
+            ShapeKeys::Code(code) => {
                 let phases_rad = self.phases_rad()?;
-                if **chip_s * sample_rate_hz < 1.0 - 1e-9 {
-                    return Err(chip_s.fault(format!(
+                if *code.chip_s * sample_rate_hz < 1.0 - 1e-9 {
+                    return Err(code.chip_s.fault(format!(
                         "the chip is shorter than a sample of {:.6} ns: lengthen it or raise [radar] sample_rate",
                         1e9 / sample_rate_hz
                     )));
                 }
                 Ok(PulseShape::PhaseCode {
                     phases_rad,
-                    chip_s: **chip_s,
+                    chip_s: *code.chip_s,
                 })
             }
         }
@@ -471,21 +443,15 @@ impl BeamKeys {
             offset_m: mount.offset_m,
             boresight,
             up: across.normalize(),
-            pattern: match self.pattern {
+            pattern: match &self.pattern {
                 PatternKeys::Isotropic => Pattern::Isotropic,
-                PatternKeys::Gaussian {
-                    azimuth_rad,
-                    elevation_rad,
-                } => Pattern::Gaussian {
-                    azimuth_rad,
-                    elevation_rad,
+                PatternKeys::Gaussian(widths) => Pattern::Gaussian {
+                    azimuth_rad: widths.azimuth_rad,
+                    elevation_rad: widths.elevation_rad,
                 },
-                PatternKeys::Aperture {
-                    azimuth_rad,
-                    elevation_rad,
-                } => Pattern::Aperture {
-                    azimuth_rad,
-                    elevation_rad,
+                PatternKeys::Aperture(widths) => Pattern::Aperture {
+                    azimuth_rad: widths.azimuth_rad,
+                    elevation_rad: widths.elevation_rad,
                 },
             },
         })

@@ -6,7 +6,27 @@ use subaperture_model::radar::{
 
 use crate::declare::{Located, section};
 use crate::error::Fault;
-use crate::radar::RadarKeys;
+
+/// Impairments of a receiver.
+#[section]
+#[derive(Clone, Debug)]
+pub struct ReceiverKeys {
+    /// Thermal noise of the receiver.
+    #[section]
+    pub noise: Option<NoiseKeys>,
+    /// Phase noise of the oscillator shared by transmitter and receiver.
+    #[section]
+    pub phase_noise: Option<PhaseNoiseKeys>,
+    /// Errors of the sample clock.
+    #[section]
+    pub clock: Option<ClockKeys>,
+    /// Interfering transmitter.
+    #[section]
+    pub interference: Vec<InterferenceKeys>,
+    /// Analogue-to-digital converters of I and Q.
+    #[section]
+    pub converter: Option<ConverterKeys>,
+}
 
 /// Thermal noise.
 #[section]
@@ -92,8 +112,8 @@ pub struct ConverterKeys {
     pub full_scale_db: f64,
 }
 
-impl RadarKeys {
-    pub(crate) fn receiver_chain(&self) -> Result<Receiver, Fault> {
+impl ReceiverKeys {
+    pub(crate) fn build(&self) -> Result<Receiver, Fault> {
         let phase_noise = self.phase_noise.as_ref().map(PhaseNoiseKeys::build);
         Ok(Receiver {
             noise: self.noise.map(NoiseKeys::build),
@@ -121,21 +141,16 @@ impl RadarKeys {
 impl NoiseKeys {
     fn build(self) -> ThermalNoise {
         match self.kind {
-            NoiseModel::Relative { power_db } => ThermalNoise::Relative { power_db },
-            NoiseModel::Equation {
-                transmitted_w,
-                transmit_gain_dbi,
-                receive_gain_dbi,
-                losses_db,
-                noise_figure_db,
-                temperature_k,
-            } => ThermalNoise::Equation(LinkBudget {
-                power_w: transmitted_w,
-                transmit_gain_dbi,
-                receive_gain_dbi,
-                losses_db,
-                noise_figure_db,
-                temperature_k,
+            NoiseModel::Relative(noise) => ThermalNoise::Relative {
+                power_db: noise.power_db,
+            },
+            NoiseModel::Equation(link) => ThermalNoise::Equation(LinkBudget {
+                power_w: link.transmitted_w,
+                transmit_gain_dbi: link.transmit_gain_dbi,
+                receive_gain_dbi: link.receive_gain_dbi,
+                losses_db: link.losses_db,
+                noise_figure_db: link.noise_figure_db,
+                temperature_k: link.temperature_k,
             }),
         }
     }

@@ -1,9 +1,10 @@
 //! Fields of a section, and their attributes.
 
 use proc_macro2::{Group, TokenStream, TokenTree};
-use quote::{ToTokens, quote};
+use quote::{ToTokens, quote, quote_spanned};
 use syn::parse::{ParseStream, Parser};
 use syn::punctuated::Punctuated;
+use syn::spanned::Spanned;
 use syn::{
     Attribute, Error, Expr, Field, GenericArgument, Ident, Lit, LitStr, Meta, PathArguments, Token,
     Type, TypePath, parenthesized,
@@ -26,20 +27,14 @@ pub(crate) enum Part {
 
 /// Arguments of `#[key(...)]`.
 pub(crate) struct KeyArgs {
-    pub(crate) need: Need,
+    /// Variant of `Requirement`: `Required`, `Default` or `Optional`.
+    need: Ident,
     /// TOML text of the default or the example.
     text: String,
     /// Calls of methods of `Limits`.
     limits: TokenStream,
     /// Variants of the selector.
     pub(crate) select: Vec<Ident>,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Need {
-    Required,
-    Default,
-    Optional,
 }
 
 pub(crate) struct Declared {
@@ -109,7 +104,7 @@ impl Declared {
     /// Whether the field belongs to variants of the selector instead of the struct: an optional key is a field of the struct, where it is
     /// `None` if it does not apply.
     pub(crate) fn is_of_variants(&self) -> bool {
-        let optional = matches!(&self.part, Part::Key(key) if key.need == Need::Optional);
+        let optional = matches!(&self.part, Part::Key(key) if key.need == "Optional");
         !self.when.is_empty() && !optional
     }
 
@@ -119,12 +114,11 @@ impl Declared {
         let when = words(&self.when);
         match &self.part {
             Part::Key(key) => {
-                let (text, limits) = (&key.text, &key.limits);
-                let need = match key.need {
-                    Need::Required => quote!(Required(#text)),
-                    Need::Default => quote!(Default(#text)),
-                    Need::Optional => quote!(Optional(#text)),
-                };
+                let (need, text, limits) = (&key.need, &key.text, &key.limits);
+                let check = (key.need == "Optional").then(|| {
+                    let what = format!("key `{name}` may be absent: expected an Option");
+                    quote_spanned!(ty.span()=> const { assert!(<#ty as declare::KeyType>::MAY_BE_ABSENT, #what) };)
+                });
                 let chosen = words(&key.select);
                 let kind = match key.select.is_empty() {
                     true => {
@@ -134,8 +128,9 @@ impl Declared {
                 };
                 quote! {{
                     let (name, dimension) = declare::split(#name);
+                    #check
                     let kind = #kind;
-                    let need = schema::Requirement::#need;
+                    let need = schema::Requirement::#need(#text);
                     keys.push(schema::Key::new(name, kind, need, #doc).when(#when));
                 }}
             }
@@ -192,12 +187,6 @@ impl Declared {
                 _ => quote!(Declared::read(values.section(#name))),
             },
         }
-    }
-
-    /// Field as in the struct or a variant, without its visibility.
-    pub(crate) fn of_variant(&self) -> TokenStream {
-        let (attrs, name, ty) = (&self.field.attrs, &self.name, &self.field.ty);
-        quote!(#(#attrs)* #name: #ty)
     }
 }
 
@@ -279,11 +268,11 @@ fn key(input: ParseStream) -> Result<(KeyArgs, Vec<Ident>), Error> {
                 input.parse::<Token![=]>()?;
                 let text = up_to_comma(input)?.to_string();
                 let of = match known {
-                    "required" => Need::Required,
-                    "default" => Need::Default,
-                    _ => Need::Optional,
+                    "required" => "Required",
+                    "default" => "Default",
+                    _ => "Optional",
                 };
-                need = Some((of, text));
+                need = Some((Ident::new(of, name.span()), text));
             }
             "positive" => limits.extend(quote!(.bounds(schema::Bounds::Positive))),
             "not_negative" => limits.extend(quote!(.bounds(schema::Bounds::NotNegative))),

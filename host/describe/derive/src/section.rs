@@ -1,9 +1,9 @@
 //! Expansion of `#[section]`: the struct, the enum of its selector, and both read from the values of a section.
 
 use proc_macro2::TokenStream;
-use quote::quote;
+use quote::{format_ident, quote};
 use syn::punctuated::Punctuated;
-use syn::{Attribute, Data, DeriveInput, Error, Fields, Ident, Type};
+use syn::{Attribute, Data, DeriveInput, Error, Field, Fields, Ident, Type};
 
 use crate::field::{Declared, Part, doc, wrapper};
 use crate::words::word;
@@ -12,7 +12,7 @@ use crate::words::word;
 struct Selector<'d> {
     field: &'d Declared,
     /// Name of the enum.
-    name: &'d Type,
+    name: &'d Ident,
     variants: &'d [Ident],
 }
 
@@ -24,11 +24,20 @@ impl<'d> Selector<'d> {
         });
         let (field, key) = selectors.next()?;
         let ty = &field.field.ty;
+        let named = wrapper(ty).map_or(ty, |(_, inner)| inner);
+        let Type::Path(named) = named else {
+            return None;
+        };
         Some(Self {
             field,
-            name: wrapper(ty).map_or(ty, |(_, inner)| inner),
+            name: named.path.get_ident()?,
             variants: &key.select,
         })
+    }
+
+    /// Struct of a variant's keys.
+    fn keys_of(&self, variant: &Ident) -> Ident {
+        format_ident!("{}{variant}", self.name)
     }
 
     /// Fields of a variant.
@@ -42,19 +51,25 @@ impl<'d> Selector<'d> {
         let derives = derives(&input.attrs);
         let (name, vis) = (self.name, &input.vis);
         let about = format!("Values of `{}`, with the keys of each.", self.field.name);
-        let variants = self.variants.iter().map(|variant| {
-            let about = format!("`{}`.", word(variant));
+        let mut structs = TokenStream::new();
+        let mut variants = TokenStream::new();
+        for variant in self.variants {
+            let about = format!("Keys of `{}`.", word(variant));
             let own = self.fields_of(fields, variant);
-            let own = own.iter().map(|field| field.of_variant());
-            match own.len() {
-                0 => quote!(#[doc = #about] #variant),
-                _ => quote!(#[doc = #about] #variant { #(#own),* }),
+            let own: Vec<&Field> = own.into_iter().map(|field| &field.field).collect();
+            if own.is_empty() {
+                variants.extend(quote!(#[doc = #about] #variant,));
+                continue;
             }
-        });
+            let keys = self.keys_of(variant);
+            variants.extend(quote!(#[doc = #about] #variant(#keys),));
+            structs.extend(quote!(#(#derives)* #[doc = #about] #vis struct #keys { #(#own),* }));
+        }
         quote! {
             #(#derives)*
             #[doc = #about]
-            #vis enum #name { #(#variants),* }
+            #vis enum #name { #variants }
+            #structs
         }
     }
 
@@ -66,7 +81,11 @@ impl<'d> Selector<'d> {
             let own = self.fields_of(fields, variant);
             let names = own.iter().map(|field| &field.name);
             let reads = own.iter().map(|field| field.read());
-            quote!(#name::#variant { #(#names: #reads),* })
+            let keys = self.keys_of(variant);
+            match own.is_empty() {
+                true => quote!(#name::#variant),
+                false => quote!(#name::#variant(#keys { #(#names: #reads),* })),
+            }
         };
         let others = others.iter().map(|variant| {
             let (word, made) = (word(variant), make(variant));
@@ -151,7 +170,7 @@ pub(crate) fn expand(mut input: DeriveInput) -> Result<TokenStream, Error> {
                     keys
                 }
 
-                fn sections(path: &str, sections: &mut Vec<&'static schema::Section>) {
+                fn sections(path: &str, sections: &mut Vec<schema::Section>) {
                     #(#sections)*
                 }
 

@@ -4,7 +4,10 @@ use num_complex::Complex32;
 
 use super::analytic;
 use super::arrays::Source;
-use super::keys::{Background, RadarKeys, RecordingDescription, RecordingKeys, WaveformKeys};
+use super::keys::{
+    Background, RadarKeys, RecordingDescription, RecordingKeys, WaveformKeys, WaveformKeysPulsed,
+    WaveformKeysStepped,
+};
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
 use super::samples::{Rows, Samples};
@@ -15,7 +18,7 @@ use crate::receive::{
 use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
 use subaperture_describe::place;
-use subaperture_describe::radar::{IntraPulse, PulseKeys, ShapeKeys};
+use subaperture_describe::radar::{IntraPulse, ShapeKeys};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Extent;
 use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
@@ -41,53 +44,34 @@ pub(super) fn adapt(
     };
     let mut raw = rows_of(recording, pulses, &samples);
     if samples.real
-        && let WaveformKeys::Fmcw { slope_hz_s, .. } = &*top.radar.kind
+        && let WaveformKeys::Fmcw(fmcw) = &*top.radar.kind
     {
-        analytic::beats(&mut raw, samples.num_samples, *slope_hz_s > 0.0);
+        analytic::beats(&mut raw, samples.num_samples, fmcw.slope_hz_s > 0.0);
     }
     remove(recording, pulses, samples.num_samples, &mut raw)?;
     let radar = &top.radar;
     let (waveform, motion) = match &*radar.kind {
-        WaveformKeys::Profiles { band_hz } => {
-            let built = from_profiles(radar, band_hz, source, &samples, &header, raw)?;
+        WaveformKeys::Profiles(profiles) => {
+            let built = from_profiles(radar, &profiles.band_hz, source, &samples, &header, raw)?;
             return built.map_err(|what| recording.file.fault(what));
         }
-        WaveformKeys::Fmcw {
-            start_hz,
-            slope_hz_s,
-            sample_rate_hz,
-            mixer_delay_s,
-            motion,
-        } => {
+        WaveformKeys::Fmcw(fmcw) => {
             let waveform = Waveform::Fmcw {
-                start_hz: *start_hz,
-                chirp_hz_s: *slope_hz_s,
-                sample_rate_hz: *sample_rate_hz,
+                start_hz: fmcw.start_hz,
+                chirp_hz_s: fmcw.slope_hz_s,
+                sample_rate_hz: fmcw.sample_rate_hz,
                 num_samples: samples.num_samples,
-                mixer_delay_s: *mixer_delay_s,
+                mixer_delay_s: fmcw.mixer_delay_s,
             };
-            (waveform, **motion)
+            (waveform, *fmcw.motion)
         }
-        WaveformKeys::Pulsed {
-            sample_rate_hz,
-            window_start_s,
-            pulse,
-        } => {
-            let timing_s = (*sample_rate_hz, *window_start_s);
-            let waveform = pulsed(radar, pulse, timing_s, samples.num_samples)?;
+        WaveformKeys::Pulsed(keys) => {
+            let waveform = pulsed(radar, keys, samples.num_samples)?;
             (waveform, IntraPulse::StopAndGo)
         }
-        WaveformKeys::Stepped {
-            start_hz,
-            step_hz,
-            motion,
-        } => {
-            let band = Band {
-                start_hz: *start_hz,
-                step_hz: *step_hz,
-                count: samples.num_samples,
-            };
-            (stepped(radar, band, motion)?, **motion)
+        WaveformKeys::Stepped(keys) => {
+            let waveform = stepped(radar, keys, samples.num_samples)?;
+            (waveform, *keys.motion)
         }
     };
     let moves = motion == IntraPulse::True;
@@ -350,20 +334,14 @@ fn remove(
     Ok(())
 }
 
-/// Waveform of a pulse with this sample rate and start of the window.
-fn pulsed(
-    radar: &RadarKeys,
-    pulse: &PulseKeys,
-    (sample_rate_hz, window_start_s): (f64, f64),
-    count: usize,
-) -> Result<Waveform, Fault> {
-    let shape = pulse.shape(sample_rate_hz)?;
+fn pulsed(radar: &RadarKeys, keys: &WaveformKeysPulsed, count: usize) -> Result<Waveform, Fault> {
+    let shape = keys.pulse.shape(keys.sample_rate_hz)?;
     // No echo of a longer pulse is recorded completely, and the computation would take as long as the pulse.
-    let recorded_s = count as f64 / sample_rate_hz;
+    let recorded_s = count as f64 / keys.sample_rate_hz;
     if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
-        let key = match &pulse.kind {
-            ShapeKeys::Lfm { duration_s, .. } => duration_s,
-            ShapeKeys::Code { chip_s } => chip_s,
+        let key = match &keys.pulse.kind {
+            ShapeKeys::Lfm(lfm) => &lfm.duration_s,
+            ShapeKeys::Code(code) => &code.chip_s,
         };
         return Err(key.fault(format!(
             "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten it, or check [radar] sample_rate",
@@ -377,21 +355,26 @@ fn pulsed(
     })?;
     Ok(Waveform::Pulsed {
         centre_hz: **centre,
-        sample_rate_hz,
+        sample_rate_hz: keys.sample_rate_hz,
         num_samples: count,
-        window_start_s,
+        window_start_s: keys.window_start_s,
         shape,
     })
 }
 
-fn stepped(radar: &RadarKeys, band: Band, motion: &Located<IntraPulse>) -> Result<Waveform, Fault> {
-    match (radar.step_time_s, **motion) {
+fn stepped(radar: &RadarKeys, keys: &WaveformKeysStepped, count: usize) -> Result<Waveform, Fault> {
+    let band = Band {
+        start_hz: keys.start_hz,
+        step_hz: keys.step_hz,
+        count,
+    };
+    match (radar.step_time_s, *keys.motion) {
         (Some(step_s), _) => Ok(Waveform::Stepped {
             band,
             step_s,
             dwell_s: step_s,
         }),
-        (None, IntraPulse::True) => Err(motion.fault(
+        (None, IntraPulse::True) => Err(keys.motion.fault(
             "with motion = \"true\", give 'step_time' too: when a frequency's sample was taken",
         )),
         (None, IntraPulse::StopAndGo) => Ok(Waveform::Ideal { band }),

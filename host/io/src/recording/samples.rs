@@ -116,12 +116,9 @@ pub(super) fn read(kind: &WaveformKeys, source: &Source) -> Result<Samples, Faul
         Sign::Minus => PhaseSign::Minus,
     });
     let samples = match &recording.format {
-        FormatKeys::Dca1000 { samples } => dca1000(source, samples, phase)?,
-        FormatKeys::Npz {
-            array: name,
-            layout,
-        } => array(source, Some(name), *layout, phase)?,
-        FormatKeys::Npy { layout } => array(source, None, *layout, phase)?,
+        FormatKeys::Dca1000(keys) => dca1000(source, &keys.samples, phase)?,
+        FormatKeys::Npz(keys) => array(source, Some(&keys.array), keys.layout, phase)?,
+        FormatKeys::Npy(keys) => array(source, None, keys.layout, phase)?,
     };
     let takes_real = matches!(
         kind,

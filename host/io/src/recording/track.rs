@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::arrays::Source;
-use super::keys::{LengthUnit, MotionKeys, PlatformKeys, TimeUnit};
+use super::keys::{MotionKeys, MotionKeysArrays, MotionKeysRail, PlatformKeys};
 use crate::track_axes::TrackAxes;
 use crate::{marker_swaps, motive, recorded_track, track_csv};
 use subaperture_describe::declare::Located;
@@ -89,18 +89,12 @@ fn poses(
 ) -> Result<Track, Fault> {
     let middle_s = 0.5 * (times_s.0 + times_s.1);
     let body: Arc<dyn Trajectory> = match &platform.kind {
-        MotionKeys::Arrays {
-            times,
-            times_unit,
-            positions,
-            positions_unit,
-        } => {
-            let units = (*times_unit, *positions_unit);
-            let arrays = |positions| arrays(platform, source, times, positions, units);
-            let fixes = arrays(positions)?;
-            let body = SampledTrack::new(&fixes).map_err(|error| times.fault(error.to_string()))?;
+        MotionKeys::Arrays(keys) => {
+            let fixes = arrays(platform, source, keys, &keys.positions)?;
+            let body = SampledTrack::new(&fixes);
+            let body = body.map_err(|error| keys.times.fault(error.to_string()))?;
             let receiver = platform.receiver_positions.as_ref().map(|positions| {
-                let track = SampledTrack::new(&arrays(positions)?);
+                let track = SampledTrack::new(&arrays(platform, source, keys, positions)?);
                 let track = track.map_err(|error| positions.fault(error.to_string()))?;
                 Ok::<Arc<dyn Trajectory>, Fault>(Arc::new(track))
             });
@@ -109,9 +103,10 @@ fn poses(
                 ..sampled(body, &fixes)
             });
         }
-        MotionKeys::Csv { file } => {
-            let fixes = track_csv::read(&source.folder.join(&**file))
-                .map_err(|error| file.fault(error.to_string()))?;
+        MotionKeys::Csv(keys) => {
+            let fault = |error: String| keys.file.fault(error);
+            let fixes = track_csv::read(&source.folder.join(&*keys.file))
+                .map_err(|error| fault(error.to_string()))?;
             let axes = axes(platform, TrackAxes::PLAIN)?;
             let turned = |fix: Fix| Fix {
                 position_m: axes.turn(fix.position_m),
@@ -119,45 +114,41 @@ fn poses(
                 ..fix
             };
             let fixes: Vec<Fix> = fixes.into_iter().map(turned).collect();
-            let body = SampledTrack::new(&fixes).map_err(|error| file.fault(error.to_string()))?;
+            let body = SampledTrack::new(&fixes).map_err(|error| fault(error.to_string()))?;
             return Ok(sampled(body, &fixes));
         }
-        MotionKeys::Motive { file } => {
-            let path = source.folder.join(&**file);
+        MotionKeys::Motive(keys) => {
+            let fault = |error: String| keys.file.fault(error);
+            let path = source.folder.join(&*keys.file);
             let axes = axes(platform, TrackAxes::y_up())?;
             let fixes = motive::read(&path, platform.body.as_deref(), axes)
-                .map_err(|error| file.fault(error.to_string()))?;
+                .map_err(|error| fault(error.to_string()))?;
             let named = |what: String| format!("{}: {what}", path.display());
             let (fixes, swapped) =
-                marker_swaps::without(fixes).map_err(|what| file.fault(named(what)))?;
+                marker_swaps::without(fixes).map_err(|what| fault(named(what)))?;
             let body = SampledTrack::with_gaps(&fixes, LONGEST_GAP_S)
-                .map_err(|error| file.fault(error.to_string()))?;
+                .map_err(|error| fault(error.to_string()))?;
             return Ok(Track {
                 gaps_s: gaps(&fixes),
-                warnings: swapped
+                warnings: (swapped.into_iter())
                     .map(|swapped| named(swapped.to_string()))
-                    .into_iter()
                     .collect(),
                 ..sampled(body, &fixes)
             });
         }
-        MotionKeys::Novatel { file, log } => {
+        MotionKeys::Novatel(keys) => {
             let known = *frame != SceneFrame::Local;
-            recorded_track::novatel(file, log, known.then_some(frame), source.folder)?
+            let frame = known.then_some(frame);
+            recorded_track::novatel(&keys.file, &keys.log, frame, source.folder)?
         }
-        MotionKeys::Arc {
-            pivot_m,
-            radius_m,
-            from_angle_rad,
-            to_angle_rad,
-        } => {
+        MotionKeys::Arc(arc) => {
             // Without a rate, one swing takes the duration of the pulses.
-            let swing_rad = (to_angle_rad - from_angle_rad).abs();
+            let swing_rad = (arc.to_angle_rad - arc.from_angle_rad).abs();
             Arc::new(track::Arc {
-                pivot_m: *pivot_m,
-                radius_m: *radius_m,
-                from_rad: *from_angle_rad,
-                to_rad: *to_angle_rad,
+                pivot_m: arc.pivot_m,
+                radius_m: arc.radius_m,
+                from_rad: arc.from_angle_rad,
+                to_rad: arc.to_angle_rad,
                 rate_rad_s: match platform.rate_rad_s {
                     Some(rate) => rate,
                     None => evenly(platform, "rate", swing_rad, times_s)?,
@@ -165,30 +156,23 @@ fn poses(
                 start_s: platform.start_s.unwrap_or(times_s.0),
             })
         }
-        MotionKeys::Rail { from_m, to_m } => {
-            Arc::new(rail(platform, *from_m, to_m, times_s, count)?)
+        MotionKeys::Rail(keys) => Arc::new(rail(platform, keys, times_s, count)?),
+        MotionKeys::Linear(keys) => {
+            line(keys.position_m, keys.velocity_m_s, keys.at.time_s(middle_s))
         }
-        MotionKeys::Linear {
-            position_m,
-            velocity_m_s,
-            at,
-        } => line(*position_m, *velocity_m_s, at.time_s(middle_s)),
-        MotionKeys::Fixed { position_m } => line(*position_m, DVec3::ZERO, 0.0),
-        MotionKeys::Circular {
-            centre_m,
-            radius_m,
-            at,
-            turn,
-        } => {
+        MotionKeys::Fixed(keys) => line(keys.position_m, DVec3::ZERO, 0.0),
+        MotionKeys::Circular(keys) => {
             let speed_m_s = platform.speed_m_s.ok_or_else(|| {
                 let what =
                     "motion on a circle needs 'speed': write for example speed = \"0.1 m/s\"";
                 Fault::new(&platform.header, what)
             })?;
-            turn.circle(*centre_m, *radius_m, speed_m_s, at.time_s(middle_s))
+            let at_s = keys.at.time_s(middle_s);
+            keys.turn
+                .circle(keys.centre_m, keys.radius_m, speed_m_s, at_s)
         }
-        MotionKeys::Waypoints { points } => segments(points)?,
-        MotionKeys::Spline { points } => curve(points)?,
+        MotionKeys::Waypoints(keys) => segments(&keys.points)?,
+        MotionKeys::Spline(keys) => curve(&keys.points)?,
     };
     Ok(Track {
         body,
@@ -235,18 +219,19 @@ fn axes(platform: &PlatformKeys, usual: TrackAxes) -> Result<TrackAxes, Fault> {
 /// Rail. Without a speed, the motion takes the duration of the pulses.
 fn rail(
     platform: &PlatformKeys,
-    from_m: DVec3,
-    to_m: &Located<DVec3>,
+    keys: &MotionKeysRail,
     times_s: (f64, f64),
     count: usize,
 ) -> Result<Rail, Fault> {
-    let length_m = from_m.distance(**to_m);
+    let length_m = keys.from_m.distance(*keys.to_m);
     if length_m < 1e-9 {
-        return Err(to_m.fault("the rail has no length: move one of its ends"));
+        return Err(keys
+            .to_m
+            .fault("the rail has no length: move one of its ends"));
     }
     Ok(Rail {
-        from_m,
-        to_m: **to_m,
+        from_m: keys.from_m,
+        to_m: *keys.to_m,
         speed_m_s: match (platform.speed_m_s, &platform.spacing_m) {
             (Some(_), Some(spacing)) => {
                 return Err(spacing.fault("give either speed or spacing, not both"));
@@ -282,13 +267,12 @@ fn evenly(
 fn arrays(
     platform: &PlatformKeys,
     source: &Source,
-    times: &Located<String>,
+    keys: &MotionKeysArrays,
     positions: &Located<String>,
-    units: (TimeUnit, LengthUnit),
 ) -> Result<Vec<Fix>, Fault> {
-    let (unit_s, unit_m) = (units.0.seconds(), units.1.metres());
+    let (unit_s, unit_m) = (keys.times_unit.seconds(), keys.positions_unit.metres());
     let axes = axes(platform, TrackAxes::PLAIN)?;
-    let times = source.vector(times)?;
+    let times = source.vector(&keys.times)?;
     let array = source.array(positions)?;
     let rows = match (array.real(), &array.shape[..]) {
         (Some(rows), &[count, 3]) if count == times.len() => rows,

@@ -154,56 +154,44 @@ fn build(description: &Description) -> Result<Experiment, Vec<Fault>> {
 impl DeviceKeys {
     fn build(self, folder: &Path, plan: &Plan) -> Result<Device, Fault> {
         Ok(match self.kind {
-            DeviceKind::Simulated {
-                scenario,
-                real_time,
-                impairments,
-                loop_delay_s,
-                cable_delay_s,
-                leakage,
-                leakage_delay_s,
-            } => {
-                let amplitude = *leakage;
+            DeviceKind::Simulated(keys) => {
+                let (cable_s, amplitude) = (keys.cable_delay_s, *keys.leakage);
                 if plan.reference == Reference::Leakage && amplitude <= 0.0 {
                     let what = "expected a leakage above 0, since the leakage is the reference";
-                    return Err(leakage.fault(what));
+                    return Err(keys.leakage.fault(what));
                 }
                 let direct = Coupled {
-                    delay_s: leakage_delay_s,
+                    delay_s: keys.leakage_delay_s,
                     amplitude,
                 };
                 let wiring = match (plan.reference, plan.antennas) {
                     (Reference::Leakage, Some(antennas)) => Wiring::leakage(
                         [0, 1].map(|receiver| antennas.direct_s(receiver)),
-                        [cable_delay_s; 2],
+                        [cable_s; 2],
                         amplitude,
                     ),
                     _ => {
                         let direct = (amplitude > 0.0).then_some(direct);
-                        Wiring::loopback(loop_delay_s, cable_delay_s, direct)
+                        Wiring::loopback(keys.loop_delay_s, cable_s, direct)
                     }
                 };
                 Device::Simulated(Box::new(Simulated {
-                    scenario: folder.join(scenario),
-                    real_time,
+                    scenario: folder.join(keys.scenario),
+                    real_time: keys.real_time,
                     wiring,
-                    analogue: match impairments {
+                    analogue: match keys.impairments {
                         true => Analogue::b210(),
                         false => Analogue::default(),
                     },
                 }))
             }
-            DeviceKind::Uhd {
-                transmit_subdevice,
-                receive_subdevices,
-                wire,
-            } => Device::Uhd(Usrp {
+            DeviceKind::Uhd(keys) => Device::Uhd(Usrp {
                 serial: self.serial,
-                transmit_subdevice,
-                receive_subdevices,
-                twelve_bits: wire == "sc12",
+                transmit_subdevice: keys.transmit_subdevice,
+                receive_subdevices: keys.receive_subdevices,
+                twelve_bits: keys.wire == "sc12",
             }),
-            DeviceKind::Replay { recording } => Device::Replay(folder.join(recording)),
+            DeviceKind::Replay(keys) => Device::Replay(folder.join(keys.recording)),
         })
     }
 }

@@ -194,13 +194,10 @@ fn window(keys: &RadarKeys, experiment: &Experiment, looks: &[Snapshot]) -> Opti
                     .abs()
                     .max((most_s - mixer_delay_s).abs());
                 let beat_hz = chirp_hz_s.abs() * late_s;
-                if let WaveformKeys::Fmcw {
-                    sample_rate_hz: key,
-                    ..
-                } = &keys.kind
+                if let WaveformKeys::Fmcw(fmcw) = &keys.kind
                     && beat_hz > sample_rate_hz / 2.0
                 {
-                    return Some(key.fault(
+                    return Some(fmcw.sample_rate_hz.fault(
                         format!(
                             "in pulse {pulse} the reference's beat frequency is {}, beyond half the sample rate: \
                              raise it, sweep slower or set mixer_delay to about {}",

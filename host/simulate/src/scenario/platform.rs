@@ -66,88 +66,63 @@ fn nominal(
     folder: &Path,
 ) -> Result<Arc<dyn Trajectory>, Fault> {
     Ok(match &platform.kind {
-        PlatformMotion::Linear {
-            position_m,
-            velocity_m_s,
-            at,
-        } => line(*position_m, *velocity_m_s, at.time_s(middle_s)),
-        PlatformMotion::Fixed { position_m } => line(*position_m, DVec3::ZERO, 0.0),
-        PlatformMotion::Circular {
-            at,
-            centre_m,
-            radius_m,
-            speed_m_s,
-            turn,
-        } => turn.circle(*centre_m, *radius_m, *speed_m_s, at.time_s(middle_s)),
-        PlatformMotion::Rail {
-            speed_m_s,
-            from_m,
-            to_m,
-            start_s,
-        } => {
-            if from_m.distance(**to_m) < 1e-9 {
-                return Err(to_m.fault("the rail has zero length: move one of its ends"));
+        PlatformMotion::Linear(keys) => {
+            line(keys.position_m, keys.velocity_m_s, keys.at.time_s(middle_s))
+        }
+        PlatformMotion::Fixed(keys) => line(keys.position_m, DVec3::ZERO, 0.0),
+        PlatformMotion::Circular(keys) => {
+            let at_s = keys.at.time_s(middle_s);
+            keys.turn
+                .circle(keys.centre_m, keys.radius_m, keys.speed_m_s, at_s)
+        }
+        PlatformMotion::Rail(keys) => {
+            if keys.from_m.distance(*keys.to_m) < 1e-9 {
+                let what = "the rail has zero length: move one of its ends";
+                return Err(keys.to_m.fault(what));
             }
             Arc::new(Rail {
-                from_m: *from_m,
-                to_m: **to_m,
-                speed_m_s: *speed_m_s,
-                start_s: *start_s,
+                from_m: keys.from_m,
+                to_m: *keys.to_m,
+                speed_m_s: keys.speed_m_s,
+                start_s: keys.start_s,
             })
         }
-        PlatformMotion::Arc {
-            pivot_m,
-            radius_m,
-            from_angle_rad,
-            to_angle_rad,
-            rate_rad_s,
-            start_s,
-        } => Arc::new(track::Arc {
-            pivot_m: *pivot_m,
-            radius_m: *radius_m,
-            from_rad: *from_angle_rad,
-            to_rad: *to_angle_rad,
-            rate_rad_s: *rate_rad_s,
-            start_s: *start_s,
+        PlatformMotion::Arc(keys) => Arc::new(track::Arc {
+            pivot_m: keys.pivot_m,
+            radius_m: keys.radius_m,
+            from_rad: keys.from_angle_rad,
+            to_rad: keys.to_angle_rad,
+            rate_rad_s: keys.rate_rad_s,
+            start_s: keys.start_s,
         }),
-        PlatformMotion::Waypoints { points } => segments(points)?,
-        PlatformMotion::Spline { points } => curve(points)?,
-        PlatformMotion::Csv { file } => recorded_track::csv(file, folder)?,
-        PlatformMotion::Novatel { file, log } => recorded_track::novatel(file, log, frame, folder)?,
+        PlatformMotion::Waypoints(keys) => segments(&keys.points)?,
+        PlatformMotion::Spline(keys) => curve(&keys.points)?,
+        PlatformMotion::Csv(keys) => recorded_track::csv(&keys.file, folder)?,
+        PlatformMotion::Novatel(keys) => {
+            recorded_track::novatel(&keys.file, &keys.log, frame, folder)?
+        }
     })
 }
 
 fn perturbation(keys: &PerturbationKeys, seed: u64, index: u32) -> Result<Perturbation, Fault> {
     Ok(match &keys.kind {
-        PerturbationKind::Sway {
-            rms_m,
-            correlation_s,
-        } => Perturbation::sway(**rms_m, *correlation_s, seed, index)
-            .map_err(|error| rms_m.fault(error.to_string()))?,
-        PerturbationKind::Vibration {
-            amplitude_m,
-            frequency_hz,
-            phase_rad,
-        } => Perturbation::Vibration {
-            amplitude_m: *amplitude_m,
-            frequency_hz: *frequency_hz,
-            phase_rad: *phase_rad,
+        PerturbationKind::Sway(keys) => {
+            Perturbation::sway(*keys.rms_m, keys.correlation_s, seed, index)
+                .map_err(|error| keys.rms_m.fault(error.to_string()))?
+        }
+        PerturbationKind::Vibration(keys) => Perturbation::Vibration {
+            amplitude_m: keys.amplitude_m,
+            frequency_hz: keys.frequency_hz,
+            phase_rad: keys.phase_rad,
         },
-        PerturbationKind::Acceleration {
-            acceleration_m_s2,
-            from_s,
-        } => Perturbation::Acceleration {
-            acceleration_m_s2: *acceleration_m_s2,
-            from_s: *from_s,
+        PerturbationKind::Acceleration(keys) => Perturbation::Acceleration {
+            acceleration_m_s2: keys.acceleration_m_s2,
+            from_s: keys.from_s,
         },
-        PerturbationKind::Wobble {
-            angles_rad,
-            period_s,
-            phase_rad,
-        } => Perturbation::Wobble {
-            amplitude_rad: *angles_rad,
-            period_s: *period_s,
-            phase_rad: *phase_rad,
+        PerturbationKind::Wobble(keys) => Perturbation::Wobble {
+            amplitude_rad: keys.angles_rad,
+            period_s: keys.period_s,
+            phase_rad: keys.phase_rad,
         },
     })
 }

@@ -119,31 +119,23 @@ impl MoverKeys {
     /// Track of the target. `middle_s` is the middle of the collection, seconds.
     fn track(&self, middle_s: f64) -> Result<Arc<dyn Trajectory>, Fault> {
         Ok(match &self.kind {
-            MoverMotion::Linear {
-                position_m,
-                velocity_m_s,
-                at,
-            } => line(*position_m, *velocity_m_s, at.time_s(middle_s)),
-            MoverMotion::Circular {
-                at,
-                centre_m,
-                radius_m,
-                speed_m_s,
-                turn,
-            } => turn.circle(*centre_m, *radius_m, *speed_m_s, at.time_s(middle_s)),
-            MoverMotion::Waypoints { points } => segments(points)?,
-            MoverMotion::Profile {
-                position_m,
-                velocity_m_s,
-                start_s,
-                pieces,
-            } => {
-                let rows = pieces.iter();
-                let accelerations: Vec<(f64, DVec3)> = rows
+            MoverMotion::Linear(keys) => {
+                line(keys.position_m, keys.velocity_m_s, keys.at.time_s(middle_s))
+            }
+            MoverMotion::Circular(keys) => {
+                let at_s = keys.at.time_s(middle_s);
+                keys.turn
+                    .circle(keys.centre_m, keys.radius_m, keys.speed_m_s, at_s)
+            }
+            MoverMotion::Waypoints(keys) => segments(&keys.points)?,
+            MoverMotion::Profile(keys) => {
+                let rows = keys.pieces.iter();
+                let pieces: Vec<(f64, DVec3)> = rows
                     .map(|&[duration_s, x, y, z]| (duration_s, DVec3::new(x, y, z)))
                     .collect();
-                let profile = Profile::new(*start_s, *position_m, *velocity_m_s, &accelerations);
-                Arc::new(profile.map_err(|error| pieces.fault(error.to_string()))?)
+                let profile =
+                    Profile::new(keys.start_s, keys.position_m, keys.velocity_m_s, &pieces);
+                Arc::new(profile.map_err(|error| keys.pieces.fault(error.to_string()))?)
             }
         })
     }
@@ -151,16 +143,17 @@ impl MoverKeys {
 
 impl ClutterKeys {
     fn build(&self) -> Result<Clutter, Fault> {
-        let (area, height_m) = match self.kind {
-            AreaKeys::Rectangle { x_m, y_m, height_m } => {
-                (Area::Rectangle(Extent { x_m, y_m }), height_m)
+        let (area, height_m) = match &self.kind {
+            AreaKeys::Rectangle(keys) => {
+                let (x_m, y_m) = (keys.x_m, keys.y_m);
+                (Area::Rectangle(Extent { x_m, y_m }), keys.height_m)
             }
-            AreaKeys::Disc { centre_m, radius_m } => {
+            AreaKeys::Disc(keys) => {
                 let disc = Area::Disc {
-                    centre_m: centre_m.truncate(),
-                    radius_m,
+                    centre_m: keys.centre_m.truncate(),
+                    radius_m: keys.radius_m,
                 };
-                (disc, centre_m.z)
+                (disc, keys.centre_m.z)
             }
         };
         let density = match (*self.density, &self.count) {
