@@ -44,8 +44,9 @@
 //!   or else that of its struct.
 //! - **A unit at the end of a field's name** states the dimension: `delay_s` is the key `delay`, a time, in seconds (`UNITS`). A number
 //!   without a unit is a ratio.
-//! - **Types** are those of [`KeyType`]; an enum of words derives [`macro@Choice`]. An optional key is an [`Option`]. [`Located`] adds the position, for errors of checks that concern
-//!   several keys. A section that may be left out is an `Option`, one that may be repeated a `Vec`.
+//! - **Types** are those of [`KeyType`]; an enum of words derives [`macro@Choice`]. An optional key is an [`Option`]. [`Located`] adds the
+//!   position, for errors of checks that concern several keys. A section that may be left out is an `Option`, one that may be repeated a
+//!   `Vec`.
 //! - `#[key(...)]`: `required`, `default` or `example` (of an optional key), with its TOML; bounds: `positive`, `not_negative`,
 //!   `within(from, to, "words")` in SI units, `whole(from, to)` of integers; `words("a", "b")` permitted for a text; `rows(least, Time,
 //!   Length)` of an array of rows.
@@ -109,57 +110,42 @@ pub fn split(field: &'static str) -> (&'static str, Dimension) {
 }
 
 /// Limits of a key's value.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    dimension: Dimension,
-    bounds: Bounds,
-    whole: Option<(u64, u64)>,
-    words: Option<&'static [&'static str]>,
-    rows: (&'static [Dimension], usize),
+    /// Dimension of a quantity.
+    pub dimension: Dimension,
+    /// Bounds of a quantity, or of an integer.
+    pub bounds: Bounds,
+    /// First and last integer.
+    pub whole: (u64, u64),
+    /// Permitted words; empty for any text.
+    pub words: &'static [&'static str],
+    /// Least number of rows, and the dimensions of each.
+    pub rows: (usize, &'static [Dimension]),
 }
 
 impl Limits {
     /// No limits.
-    pub const fn new(dimension: Dimension) -> Self {
-        Self {
-            dimension,
-            bounds: Bounds::Any,
-            whole: None,
-            words: None,
-            rows: (&[], 0),
+    pub const NONE: Self = Self {
+        dimension: Dimension::Ratio,
+        bounds: Bounds::Any,
+        whole: (0, u64::MAX),
+        words: &[],
+        rows: (0, &[]),
+    };
+
+    fn count(&self) -> ValueType {
+        match self.bounds {
+            Bounds::Positive => ValueType::Count(1, u64::MAX),
+            _ => ValueType::Count(self.whole.0, self.whole.1),
         }
     }
 
-    /// Bounds of a quantity or an integer.
-    pub const fn bounds(self, bounds: Bounds) -> Self {
-        Self { bounds, ..self }
-    }
-
-    /// First and last integer.
-    pub const fn whole(self, from: u64, to: u64) -> Self {
-        let whole = Some((from, to));
-        Self { whole, ..self }
-    }
-
-    /// Permitted words.
-    pub const fn words(self, words: &'static [&'static str]) -> Self {
-        let words = Some(words);
-        Self { words, ..self }
-    }
-
-    /// Dimensions of a row, and the least number of rows.
-    pub const fn rows(self, columns: &'static [Dimension], least: usize) -> Self {
-        let rows = (columns, least);
-        Self { rows, ..self }
-    }
-
-    fn count(&self) -> ValueType {
-        let (from, to) = match (self.whole, self.bounds) {
-            (Some(bounds), _) => bounds,
-            (None, Bounds::Positive) => (1, u64::MAX),
-            (None, _) => (0, u64::MAX),
-        };
-        ValueType::Count(from, to)
+    fn text(&self) -> ValueType {
+        match self.words {
+            [] => ValueType::Text,
+            words => ValueType::Choice(words),
+        }
     }
 }
 
@@ -240,14 +226,14 @@ key_type! {
     u64, Value::Count(count) => Some(*count), limits => limits.count();
     u32, Value::Count(count) => u32::try_from(*count).ok(), limits => limits.count();
     usize, Value::Count(count) => usize::try_from(*count).ok(), limits => limits.count();
-    String, Value::Text(text) => Some(text.clone()), limits => limits.words.map_or(ValueType::Text, ValueType::Choice);
+    String, Value::Text(text) => Some(text.clone()), limits => limits.text();
     PathBuf, Value::Text(path) => Some(path.into()), _ => ValueType::Path;
     Vec<String>, Value::Texts(paths) => Some(paths.clone()), _ => ValueType::Paths;
 }
 
 impl<const COLUMNS: usize> KeyType for Vec<[f64; COLUMNS]> {
     fn kind(limits: &Limits) -> ValueType {
-        ValueType::Rows(limits.rows.0, limits.rows.1)
+        ValueType::Rows(limits.rows.1, limits.rows.0)
     }
 
     fn of(value: &Value) -> Option<Self> {
@@ -268,11 +254,7 @@ impl KeyType for Vec<(f64, f64)> {
 
     fn of(value: &Value) -> Option<Self> {
         let rows = Vec::<[f64; 2]>::of(value)?;
-        Some(
-            rows.into_iter()
-                .map(|[first, second]| (first, second))
-                .collect(),
-        )
+        Some(rows.into_iter().map(Into::into).collect())
     }
 
     fn read(given: Option<&LocatedValue>, _: &Location) -> Self {

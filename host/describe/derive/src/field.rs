@@ -31,7 +31,7 @@ pub(crate) struct KeyArgs {
     need: Ident,
     /// TOML text of the default or the example.
     text: String,
-    /// Calls of methods of `Limits`.
+    /// Fields of `Limits`.
     limits: TokenStream,
     /// Variants of the selector.
     pub(crate) select: Vec<Ident>,
@@ -122,13 +122,14 @@ impl Declared {
                 let chosen = words(&key.select);
                 let kind = match key.select.is_empty() {
                     true => {
-                        quote!(<#ty as declare::KeyType>::kind(&declare::Limits::new(dimension)#limits))
+                        quote!(<#ty as declare::KeyType>::kind(&limits))
                     }
                     false => quote!(schema::ValueType::Choice(#chosen)),
                 };
                 quote! {{
                     let (name, dimension) = declare::split(#name);
                     #check
+                    let limits = declare::Limits { dimension, #limits ..declare::Limits::NONE };
                     let kind = #kind;
                     let need = schema::Requirement::#need(#text);
                     keys.push(schema::Key::new(name, kind, need, #doc).when(#when));
@@ -274,26 +275,26 @@ fn key(input: ParseStream) -> Result<(KeyArgs, Vec<Ident>), Error> {
                 };
                 need = Some((Ident::new(of, name.span()), text));
             }
-            "positive" => limits.extend(quote!(.bounds(schema::Bounds::Positive))),
-            "not_negative" => limits.extend(quote!(.bounds(schema::Bounds::NotNegative))),
+            "positive" => limits.extend(quote!(bounds: schema::Bounds::Positive,)),
+            "not_negative" => limits.extend(quote!(bounds: schema::Bounds::NotNegative,)),
             "within" => {
                 let bounds: Group = input.parse()?;
-                limits.extend(quote!(.bounds(schema::Bounds::Within #bounds)));
+                limits.extend(quote!(bounds: schema::Bounds::Within #bounds,));
             }
             "whole" => {
                 let bounds: Group = input.parse()?;
-                limits.extend(quote!(.whole #bounds));
+                limits.extend(quote!(whole: #bounds,));
             }
             "words" => {
                 let inside;
                 parenthesized!(inside in input);
                 let words = Punctuated::<LitStr, Token![,]>::parse_terminated(&inside)?;
-                limits.extend(quote!(.words(&[#words])));
+                limits.extend(quote!(words: &[#words],));
             }
             "rows" => {
                 let group: Group = input.parse()?;
                 let (columns, least) = Parser::parse2(rows, group.stream())?;
-                limits.extend(quote!(.rows(&[#(Dimension::#columns),*], #least)));
+                limits.extend(quote!(rows: (#least, &[#(Dimension::#columns),*]),));
             }
             "select" => select = idents(input)?,
             "when" => when = idents(input)?,

@@ -275,18 +275,6 @@ pub(super) struct RadarKeys {
     pub(super) receiver: Vec<AntennaKeys>,
 }
 
-impl WaveformKeys {
-    /// Word of the description.
-    pub(super) fn name(&self) -> &'static str {
-        match self {
-            Self::Fmcw { .. } => "fmcw",
-            Self::Pulsed { .. } => "pulsed",
-            Self::Stepped { .. } => "stepped",
-            Self::Profiles { .. } => "profiles",
-        }
-    }
-}
-
 #[section]
 pub(super) struct AntennaKeys {
     #[at]

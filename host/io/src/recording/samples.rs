@@ -120,12 +120,14 @@ pub(super) fn read(kind: &WaveformKeys, source: &Source) -> Result<Samples, Faul
         FormatKeys::Npz(keys) => array(source, Some(&keys.array), keys.layout, phase)?,
         FormatKeys::Npy(keys) => array(source, None, keys.layout, phase)?,
     };
-    let takes_real = matches!(
-        kind,
-        WaveformKeys::Profiles { .. } | WaveformKeys::Fmcw { .. }
-    );
-    if samples.real && !takes_real {
-        let kind = kind.name();
+    let takes_complex = match kind {
+        WaveformKeys::Pulsed(_) => Some("pulsed"),
+        WaveformKeys::Stepped(_) => Some("stepped"),
+        WaveformKeys::Fmcw(_) | WaveformKeys::Profiles(_) => None,
+    };
+    if samples.real
+        && let Some(kind) = takes_complex
+    {
         return Err(recording.file.fault(
             format!(
                 "kind = \"{kind}\": expected complex samples, found real ones: save both parts, I + j Q. (Real samples are supported for kind = \"profiles\" \

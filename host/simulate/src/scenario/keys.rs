@@ -117,18 +117,25 @@ pub(super) struct CornerKeys {
     pub(super) edge_m: f64,
 }
 
+/// Extent of an area.
+#[section]
+pub(super) struct ExtentKeys {
+    /// Extent in x.
+    #[key(required = "-20, 20 m")]
+    pub(super) x_m: (f64, f64),
+    /// Extent in y.
+    #[key(required = "-20, 20 m")]
+    pub(super) y_m: (f64, f64),
+}
+
 /// Ground clutter: many weak points on a horizontal plane.
 #[section]
 pub(super) struct ClutterKeys {
     /// Shape of the area.
     #[key(default = "rectangle", select(Rectangle, Disc))]
     pub(super) kind: AreaKeys,
-    /// Extent in x.
-    #[key(required = "-20, 20 m", when(Rectangle))]
-    pub(super) x_m: (f64, f64),
-    /// Extent in y.
-    #[key(required = "-20, 20 m", when(Rectangle))]
-    pub(super) y_m: (f64, f64),
+    #[keys(when(Rectangle))]
+    pub(super) extent: ExtentKeys,
     /// Centre of the disc; z is its height.
     #[key(required = "0, 0, 0 m", when(Disc))]
     pub(super) centre_m: DVec3,
@@ -155,12 +162,8 @@ pub(super) struct PictureKeys {
     /// Greyscale PNG with 8 or 16 bits, or NumPy array of real numbers.
     #[key(required = "picture.png")]
     pub(super) file: Located<PathBuf>,
-    /// Extent in x.
-    #[key(required = "-20, 20 m")]
-    pub(super) x_m: (f64, f64),
-    /// Extent in y.
-    #[key(required = "-20, 20 m")]
-    pub(super) y_m: (f64, f64),
+    #[keys]
+    pub(super) extent: ExtentKeys,
     /// Height (z).
     #[key(default = "0 m")]
     pub(super) height_m: f64,

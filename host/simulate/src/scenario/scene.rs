@@ -20,7 +20,9 @@ use subaperture_model::track::{Profile, Trajectory};
 use subaperture_signal::phase::cis;
 
 use super::error::Fault;
-use super::keys::{AreaKeys, ClutterKeys, MoverKeys, MoverMotion, ReflectionKeys, SceneKeys};
+use super::keys::{
+    AreaKeys, ClutterKeys, ExtentKeys, MoverKeys, MoverMotion, ReflectionKeys, SceneKeys,
+};
 use super::platform;
 
 /// Memory per point while a scene is prepared, bytes: 40 for the point, as much while it is made, 32 of the engine, and
@@ -81,10 +83,7 @@ pub(super) fn build(
     for (keys, index) in keys.picture.iter().zip(0..) {
         let picture = made(&keys.file, Picture::read(&folder.join(&*keys.file)))?;
         let placement = Placement {
-            extent: Extent {
-                x_m: keys.x_m,
-                y_m: keys.y_m,
-            },
+            extent: keys.extent.build(),
             height_m: keys.height_m,
             spacing_m: *keys.spacing_m,
             white_sigma0_db: keys.sigma0_db,
@@ -144,10 +143,7 @@ impl MoverKeys {
 impl ClutterKeys {
     fn build(&self) -> Result<Clutter, Fault> {
         let (area, height_m) = match &self.kind {
-            AreaKeys::Rectangle(keys) => {
-                let (x_m, y_m) = (keys.x_m, keys.y_m);
-                (Area::Rectangle(Extent { x_m, y_m }), keys.height_m)
-            }
+            AreaKeys::Rectangle(keys) => (Area::Rectangle(keys.extent.build()), keys.height_m),
             AreaKeys::Disc(keys) => {
                 let disc = Area::Disc {
                     centre_m: keys.centre_m.truncate(),
@@ -174,6 +170,13 @@ impl ClutterKeys {
             density,
             sigma0_db: *self.sigma0_db,
         })
+    }
+}
+
+impl ExtentKeys {
+    fn build(&self) -> Extent {
+        let (x_m, y_m) = (self.x_m, self.y_m);
+        Extent { x_m, y_m }
     }
 }
 
