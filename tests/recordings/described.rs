@@ -319,6 +319,18 @@ fn each_error_states_its_line() {
             "did you mean 'radius'?",
         ),
         ("kind = \"arc\"", "kind = \"arrays\"", 17, "needs 'times'"),
+        (
+            "kind = \"arc\"\npivot = \"0, 0, 0 m\"\nradius = \"31 cm\"\nfrom_angle = \"20 deg\"\nto_angle = \"160 deg\"\n",
+            "kind = \"circular\"\ncentre = \"0, 0, 0 m\"\nradius = \"31 cm\"\n",
+            17,
+            "needs 'speed'",
+        ),
+        (
+            "kind = \"fmcw\"\nstart = \"24 GHz\"\nslope = \"8 MHz/us\"\n",
+            "kind = \"pulsed\"\nwindow_start = \"0 s\"\npulse = { kind = \"code\", code = \"barker-2\", chip = \"2 us\" }\n",
+            12,
+            "give 'centre'",
+        ),
     ] {
         let text = changed(from, to);
         let error = refuse(&text);

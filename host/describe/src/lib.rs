@@ -3,21 +3,30 @@
 //! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; module `describe` of the crate
 //! `subaperture`.
 //!
-//! Every text is checked against one table of keys (`schema`), which can be printed. Errors give file, line and column,
+//! Every text is checked against a schema, which can be printed as the key reference. Errors give file, line and column,
 //! show the line, and say what to do; several faults are reported at once.
 //!
 //! ```text
+//! structs (declare) ─> schema ──> reference
+//!                        v
 //! text ─> tree (values and positions; settings applied) ─> resolve (names, types, units, bounds,
-//!         defaults) ─> values, read by builders
+//!         defaults) ─> values ─> structs, read by builders
 //! ```
+//!
+//! A section is declared once, as a struct: from its fields come the schema and the values, so that a builder names a field,
+//! never a key as text, and the compiler reports fields that no builder reads. What one key cannot state alone (that one of two keys is
+//! given, that an interval is long enough) is ordinary code of the builder, whose faults point at a [`declare::Located`] value.
 //!
 //! A setting overrides one key of the text, such as `radar.pri` or `scene.point[0].position`. Its errors name the key
 //! instead of a line.
 #![forbid(unsafe_code)]
 
+// The name that declared sections refer to.
+extern crate self as subaperture_describe;
+
+pub mod declare;
 mod edit;
 pub mod error;
-pub mod keys;
 pub mod memory;
 mod of_kind;
 pub mod place;
@@ -37,11 +46,14 @@ use std::path::{Path, PathBuf};
 use toml_parser::Source;
 use toml_parser::decoder::ScalarKind;
 
+use declare::Declared;
 use error::{ALLOW_MORE_MEMORY, Fault, Location, explain};
 use schema::{Schema, Section};
 use subaperture_model::nearest::nearest;
 use tree::{Step, apply_setting, parse_path, parse_setting};
 use values::Values;
+
+pub use subaperture_model::units::Dimension;
 
 pub use error::{DescriptionError, RenderedFault};
 pub use memory::DEFAULT_MEMORY_BYTES;
@@ -185,7 +197,7 @@ impl Description {
         let mut faults = Vec::new();
         let top = resolve::resolve(
             schema,
-            schema.sections[0],
+            &schema.sections[0],
             &tree,
             &Location::Text(0..0),
             &mut faults,
@@ -195,6 +207,14 @@ impl Description {
         } else {
             Err(faults)
         }
+    }
+
+    /// Check the text with its settings against the schema of `T`, and read it.
+    ///
+    /// # Errors
+    /// As [`Self::resolve`].
+    pub fn resolve_as<T: Declared>(&self, schema: &Schema) -> Result<T, Vec<Fault>> {
+        self.resolve(schema).map(|values| T::read(&values))
     }
 
     /// The text with the keys at the given dotted paths set to the given values, and nothing else changed. Settings are
@@ -271,42 +291,35 @@ fn known(schema: &Schema, path: &[Step]) -> Result<(), String> {
     let whole = names.join(".");
     Err(format!(
         "unknown key '{whole}'; {} (the reference of keys lists all)",
-        suggestion(schema, section.copied(), &wanted, key)
+        suggestion(schema, section, &wanted, key)
     ))
 }
 
 /// Suggestion for an unknown key `key` in the section `wanted`, which is `section` if it exists. Words of the path are
 /// compared one by one, since a short key is too small a part of a whole path.
-fn suggestion(
-    schema: &Schema,
-    section: Option<&'static Section>,
-    wanted: &str,
-    key: &str,
-) -> String {
-    let own = |section: &'static Section| section.keys.iter().map(|key| key.name);
+fn suggestion(schema: &Schema, section: Option<&Section>, wanted: &str, key: &str) -> String {
+    let own = |section: &Section| -> Vec<&'static str> {
+        section.keys.iter().map(|key| key.name).collect()
+    };
     if let Some(section) = section
         && let Some(name) = nearest(key, own(section))
     {
-        return format!("did you mean '{}'?", join(section.path, name));
+        return format!("did you mean '{}'?", join(&section.path, name));
     }
-    let all = || schema.sections.iter().copied();
+    let all = || schema.sections.iter();
     // A valid key in the wrong section, or a misspelt section.
     let elsewhere: Vec<String> = all()
         .filter(|section| section.key(key).is_some())
-        .map(|section| format!("'{}'", join(section.path, key)))
+        .map(|section| format!("'{}'", join(&section.path, key)))
         .collect();
     if !elsewhere.is_empty() {
         return format!("did you mean {}?", elsewhere.join(" or "));
     }
-    let near = nearest(wanted, all().map(|section| section.path));
-    match section.or_else(|| all().find(|section| Some(section.path) == near)) {
+    let near = nearest(wanted, all().map(|section| &*section.path));
+    match section.or_else(|| all().find(|section| Some(&*section.path) == near)) {
         Some(section) => match nearest(key, own(section)) {
-            Some(name) => format!("did you mean '{}'?", join(section.path, name)),
-            None => format!(
-                "{} has {}",
-                section.header(),
-                own(section).collect::<Vec<_>>().join(", ")
-            ),
+            Some(name) => format!("did you mean '{}'?", join(&section.path, name)),
+            None => format!("{} has {}", section.header(), own(section).join(", ")),
         },
         None => format!(
             "sections are {}",

@@ -1,45 +1,82 @@
 //! Frame, extent and reference of a scene from `[scene]`.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use glam::DVec3;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::radar::Reference;
 
-use crate::error::Fault;
-use crate::values::Values;
+use crate::declare::{Located, section};
+use crate::error::{Fault, Location};
 
-/// Scene frame with the origin given by `[scene.origin]`.
-pub fn frame(origin: &Values) -> SceneFrame {
-    let origin = Geodetic {
-        latitude_deg: origin.number("latitude").to_degrees(),
-        longitude_deg: origin.number("longitude").to_degrees(),
-        height_m: origin.number("height"),
-    };
-    let [east, north, _] = origin.east_north_up();
-    SceneFrame::Earth {
-        origin_ecf_m: origin.to_ecf_m(),
-        x_axis_ecf: east,
-        y_axis_ecf: north,
+/// Origin of the scene on the Earth (WGS 84); x points east, y north, z up.
+#[section]
+#[derive(Clone, Debug)]
+pub struct OriginKeys {
+    /// Position of the header.
+    #[at]
+    header: Location,
+    /// Latitude, north positive.
+    #[key(default = "0 deg", within(-FRAC_PI_2, FRAC_PI_2, "-90 to 90 deg"))]
+    latitude_rad: Located<f64>,
+    /// Longitude, east positive.
+    #[key(default = "0 deg", within(-PI, PI, "-180 to 180 deg"))]
+    longitude_rad: Located<f64>,
+    /// Height above the ellipsoid.
+    #[key(default = "0 m", within(-1e4, 1e6, "-10 to 1000 km"))]
+    height_m: f64,
+}
+
+impl OriginKeys {
+    /// Scene frame with this origin.
+    pub fn frame(&self) -> SceneFrame {
+        let origin = Geodetic {
+            latitude_deg: self.latitude_rad.to_degrees(),
+            longitude_deg: self.longitude_rad.to_degrees(),
+            height_m: self.height_m,
+        };
+        let [east, north, _] = origin.east_north_up();
+        SceneFrame::Earth {
+            origin_ecf_m: origin.to_ecf_m(),
+            x_axis_ecf: east,
+            y_axis_ecf: north,
+        }
+    }
+
+    /// Whether latitude or longitude is given instead of left to its default.
+    pub fn is_given(&self) -> bool {
+        [&self.latitude_rad, &self.longitude_rad]
+            .iter()
+            .any(|given| *given.at() != self.header)
     }
 }
 
 /// Extent in x and y; `None` if not given. The error is that of x without y, or y without x.
-pub fn extent(values: &Values) -> Result<Option<Extent>, Fault> {
-    match (values.optional_interval("x"), values.optional_interval("y")) {
-        (Some(x_m), Some(y_m)) => Ok(Some(Extent { x_m, y_m })),
+pub fn extent(
+    x_m: &Option<Located<(f64, f64)>>,
+    y_m: &Option<Located<(f64, f64)>>,
+) -> Result<Option<Extent>, Fault> {
+    match (x_m, y_m) {
+        (Some(x_m), Some(y_m)) => Ok(Some(Extent {
+            x_m: **x_m,
+            y_m: **y_m,
+        })),
         (None, None) => Ok(None),
-        (Some(_), None) => Err(values.fault("x", "x is given without y: give both")),
-        (None, Some(_)) => Err(values.fault("y", "y is given without x: give both")),
+        (Some(x_m), None) => Err(x_m.fault("x is given without y: give both")),
+        (None, Some(y_m)) => Err(y_m.fault("y is given without x: give both")),
     }
 }
 
 /// Motion compensation reference; `None` if not given. The error is that of both a point and a range.
-pub fn reference(values: &Values) -> Result<Option<Reference>, Fault> {
-    let point = values.optional_vector("reference");
-    match (point, values.optional_number("reference_range")) {
-        (Some(_), Some(_)) => Err(values.fault(
-            "reference_range",
-            "give either reference or reference_range, not both",
-        )),
-        (None, Some(range_m)) => Ok(Some(Reference::Range(range_m))),
+pub fn reference(
+    point_m: Option<DVec3>,
+    range_m: &Option<Located<f64>>,
+) -> Result<Option<Reference>, Fault> {
+    match (point_m, range_m) {
+        (Some(_), Some(range_m)) => {
+            Err(range_m.fault("give either reference or reference_range, not both"))
+        }
+        (None, Some(range_m)) => Ok(Some(Reference::Range(**range_m))),
         (point, None) => Ok(point.map(Reference::Point)),
     }
 }

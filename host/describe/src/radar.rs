@@ -1,4 +1,4 @@
-//! Radar from `[radar]`.
+//! `[radar]`: waveform, timing and antennas.
 
 use std::f64::consts::PI;
 
@@ -6,54 +6,296 @@ use subaperture_model::phase_history::Band;
 use subaperture_model::quantity::{hertz, seconds};
 use subaperture_model::radar::{Antenna, Motion, Pattern, PulseShape, Radar, Waveform};
 
-use crate::error::Fault;
-use crate::receiver;
-use crate::values::Values;
+use glam::DVec3;
 
-/// Build a radar. A pulsed radar without `window_start` gets an infinite window start, which the caller sets once the
-/// antennas' track is known. The error contains all faults.
-pub fn build(values: &Values) -> Result<Radar, Vec<Fault>> {
-    let mut faults = Vec::new();
-    let mut keep = |found: Fault| faults.push(found);
-    let pri_s = pri_s(values).map_err(&mut keep).ok();
-    let waveform = waveform(values).map_err(&mut keep).ok();
-    let transmitters = antennas(values, "transmitter", "T").map_err(&mut keep).ok();
-    let receivers = antennas(values, "receiver", "R").map_err(&mut keep).ok();
-    let receiver = receiver::build(values).map_err(&mut keep).ok();
-    let (start_s, motion, spreading) = (
-        values.number("first_pulse"),
-        match values.text("motion") {
-            "true" => Motion::True,
-            _ => Motion::StopAndGo,
-        },
-        values.flag("spreading"),
-    );
-    match (pri_s, waveform, transmitters, receivers, receiver) {
-        (Some(pri_s), Some(waveform), Some(transmitters), Some(receivers), Some(receiver)) => {
-            Ok(Radar {
-                waveform,
-                num_pulses: values.count("pulses") as usize,
-                pri_s,
-                start_s,
-                transmitters,
-                receivers,
-                motion,
-                spreading,
-                receiver,
-            })
+use crate::declare::{Choice, Located, section};
+use crate::error::Fault;
+use crate::receiver::ReceiverKeys;
+
+/// Waveform, timing and antennas of the radar.
+#[section]
+#[derive(Clone, Debug)]
+pub struct RadarKeys {
+    /// Waveform: ideal phase history by definition; pulses with a matched filter; dechirped linear sweeps (FMCW); or a stepped-frequency
+    /// waveform.
+    #[key(required = "ideal", select(Ideal, Pulsed, Fmcw, Stepped))]
+    pub kind: WaveformKeys,
+    /// Number of pulses, FMCW sweeps or sweeps over all carriers.
+    #[key(required = 64, whole(1, 10_000_000))]
+    pub pulses: Located<usize>,
+    /// Pulse repetition interval. Give either this or prf.
+    #[key(example = "1 ms", positive)]
+    pub pri_s: Located<Option<f64>>,
+    /// Pulse repetition frequency. Give either this or pri.
+    #[key(example = "1 kHz", positive)]
+    pub prf_hz: Located<Option<f64>>,
+    /// Time of the first pulse on the platform's clock.
+    #[key(default = "0 s")]
+    pub first_pulse_s: f64,
+    /// Centre frequency.
+    #[key(required = "10 GHz", positive)]
+    pub centre_hz: f64,
+    /// Bandwidth over all samples. Range resolution is c / (2 bandwidth). For FMCW, the bandwidth swept during sampling.
+    #[key(required = "200 MHz", positive, when(Ideal, Fmcw, Stepped))]
+    pub bandwidth_hz: Located<f64>,
+    /// Samples per pulse: frequencies, carriers, or samples of the echo.
+    #[key(required = 256, whole(2, 1 << 24))]
+    pub samples: Located<usize>,
+    /// Complex sample rate.
+    #[key(required = "250 MHz", positive, when(Pulsed, Fmcw))]
+    pub sample_rate_hz: Located<f64>,
+    /// Delay of sample 0 after the start of the pulse. Default: the echo of the reference at the middle of the collection lies in the middle
+    /// of the receive window.
+    #[key(example = "38.7 us", not_negative, when(Pulsed))]
+    pub window_start_s: Option<Located<f64>>,
+    /// Direction of the frequency sweep.
+    #[key(default = "up", when(Fmcw))]
+    pub sweep: Sweep,
+    /// Delay of the transmitted copy with which the echo is mixed; 0 for a homodyne radar.
+    #[key(default = "0 s", not_negative, when(Fmcw))]
+    pub mixer_delay_s: f64,
+    /// Time from carrier to carrier.
+    #[key(required = "2 us", positive, when(Stepped))]
+    pub step_time_s: f64,
+    /// Dwell time over which the samples of a carrier are averaged; the noise bandwidth is its inverse. Default: step_time.
+    #[key(example = "1 us", positive, when(Stepped))]
+    pub dwell_s: Option<Located<f64>>,
+    /// Stop-and-go approximation within a pulse, or true intra-pulse motion of radar and scatterers.
+    #[key(default = "stop-and-go")]
+    pub motion: IntraPulse,
+    /// Apply spreading loss, (R0 / R)^2 in amplitude, with R0 the range of the reference at the middle pulse, number P/2 of P from 0.
+    #[key(default = false)]
+    pub spreading: bool,
+    /// Shape of the pulse.
+    #[section(when(Pulsed))]
+    pub pulse: PulseKeys,
+    /// Transmit antenna; several transmit alternately, pulse by pulse. Default: one isotropic antenna at the body's origin.
+    #[section]
+    pub transmitter: Vec<AntennaKeys>,
+    /// Receive antenna; all of them receive every pulse. Default: one isotropic antenna at the body's origin.
+    #[section]
+    pub receiver: Vec<AntennaKeys>,
+    /// Impairments of the receiver.
+    #[keys]
+    pub impairments: ReceiverKeys,
+}
+
+/// Direction of a frequency sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Sweep {
+    /// Rising.
+    Up,
+    /// Falling.
+    Down,
+}
+
+/// Motion of radar and scatterers within a pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum IntraPulse {
+    /// At rest during a pulse.
+    StopAndGo,
+    /// As it is.
+    True,
+}
+
+/// Shape of a pulse.
+#[section]
+#[derive(Clone, Debug)]
+pub struct PulseKeys {
+    /// Linear frequency modulation (chirp), or a phase code with chips of equal duration.
+    #[key(required = "lfm", select(Lfm, Code))]
+    pub kind: ShapeKeys,
+    /// Swept bandwidth. Range resolution is c / (2 bandwidth).
+    #[key(required = "200 MHz", positive, when(Lfm))]
+    pub bandwidth_hz: Located<f64>,
+    /// Duration of the pulse.
+    #[key(required = "500 ns", positive, when(Lfm))]
+    pub duration_s: Located<f64>,
+    /// Direction of the frequency sweep.
+    #[key(default = "up", when(Lfm))]
+    pub sweep: Sweep,
+    /// Name of the phase code. Give either this or phases.
+    #[key(
+        example = "barker-13",
+        words(
+            "barker-2",
+            "barker-3",
+            "barker-4",
+            "barker-5",
+            "barker-7",
+            "barker-11",
+            "barker-13"
+        ),
+        when(Code)
+    )]
+    pub code: Located<Option<String>>,
+    /// Phase of each chip. Give either this or code.
+    #[key(example = ["0 deg", "0 deg", "180 deg"], rows(1, Angle), when(Code))]
+    pub phases: Located<Option<Vec<[f64; 1]>>>,
+    /// Duration of a chip.
+    #[key(required = "10 ns", positive, when(Code))]
+    pub chip_s: Located<f64>,
+}
+
+/// Name and position of an antenna.
+#[section]
+#[derive(Clone, Debug)]
+pub struct MountKeys {
+    /// Name, for channels and errors. Default: T or R, and a number from 1.
+    #[key(example = "left")]
+    pub name: Option<String>,
+    /// Phase centre in body axes.
+    #[key(default = "0, 0, 0 m")]
+    pub offset_m: DVec3,
+}
+
+/// Direction and pattern of an antenna.
+#[section]
+#[derive(Clone, Debug)]
+pub struct BeamKeys {
+    /// Boresight direction in body axes; the default is to the left.
+    #[key(default = "0, 1, 0")]
+    pub boresight: Located<DVec3>,
+    /// Elevation axis of the beam in body axes, about which azimuth is measured. Only its component orthogonal to the boresight is used.
+    #[key(default = "0, 0, 1")]
+    pub up: Located<DVec3>,
+    /// Antenna pattern: isotropic, Gaussian beam, or uniformly illuminated rectangular aperture with sidelobes.
+    #[key(default = "isotropic", select(Isotropic, Gaussian, Aperture))]
+    pub pattern: PatternKeys,
+    /// Full half-power beamwidth in azimuth.
+    #[key(
+        required = "20 deg",
+        within(1e-5, PI, "0.001 to 180 deg"),
+        when(Gaussian, Aperture)
+    )]
+    pub azimuth_rad: f64,
+    /// Full half-power beamwidth in elevation.
+    #[key(
+        required = "40 deg",
+        within(1e-5, PI, "0.001 to 180 deg"),
+        when(Gaussian, Aperture)
+    )]
+    pub elevation_rad: f64,
+}
+
+/// Antenna of a simulated radar.
+#[section]
+#[derive(Clone, Debug)]
+pub struct AntennaKeys {
+    /// Name and position.
+    #[keys]
+    pub mount: MountKeys,
+    /// Direction and pattern.
+    #[keys]
+    pub beam: BeamKeys,
+}
+
+impl RadarKeys {
+    /// Build the radar. A pulsed radar without `window_start` gets an infinite window start, which the caller sets once the antennas' track
+    /// is known. The error contains all faults.
+    pub fn build(&self) -> Result<Radar, Vec<Fault>> {
+        let mut faults = Vec::new();
+        let mut keep = |found: Fault| faults.push(found);
+        let pri_s = pri_s(&self.pri_s, &self.prf_hz).map_err(&mut keep).ok();
+        let waveform = self.waveform().map_err(&mut keep).ok();
+        let of = |antennas: &[AntennaKeys], letter| {
+            antennas_of(
+                antennas
+                    .iter()
+                    .map(|antenna| (&antenna.mount, &antenna.beam)),
+                letter,
+            )
+        };
+        let transmitters = of(&self.transmitter, "T").map_err(&mut keep).ok();
+        let receivers = of(&self.receiver, "R").map_err(&mut keep).ok();
+        let receiver = self.impairments.build().map_err(&mut keep).ok();
+        match (pri_s, waveform, transmitters, receivers, receiver) {
+            (Some(pri_s), Some(waveform), Some(transmitters), Some(receivers), Some(receiver)) => {
+                Ok(Radar {
+                    waveform,
+                    num_pulses: *self.pulses,
+                    pri_s,
+                    start_s: self.first_pulse_s,
+                    transmitters,
+                    receivers,
+                    motion: match self.motion {
+                        IntraPulse::True => Motion::True,
+                        IntraPulse::StopAndGo => Motion::StopAndGo,
+                    },
+                    spreading: self.spreading,
+                    receiver,
+                })
+            }
+            _ => Err(faults),
         }
-        _ => Err(faults),
+    }
+
+    fn waveform(&self) -> Result<Waveform, Fault> {
+        let (centre_hz, count) = (self.centre_hz, *self.samples);
+        match &self.kind {
+            WaveformKeys::Ideal(ideal) => Ok(Waveform::Ideal {
+                band: band(&ideal.bandwidth_hz, centre_hz, count)?,
+            }),
+            WaveformKeys::Stepped(stepped) => {
+                let step_s = stepped.step_time_s;
+                let dwell_s = self.dwell_s.as_deref().copied().unwrap_or(step_s);
+                if let Some(dwell) = &self.dwell_s
+                    && dwell_s > step_s * (1.0 + 1e-9)
+                {
+                    return Err(dwell.fault("dwell is longer than step_time: shorten it"));
+                }
+                Ok(Waveform::Stepped {
+                    band: band(&stepped.bandwidth_hz, centre_hz, count)?,
+                    step_s,
+                    dwell_s,
+                })
+            }
+            WaveformKeys::Fmcw(fmcw) => {
+                check_bandwidth(&fmcw.bandwidth_hz, centre_hz)?;
+                let duration_s = sampled_s(&fmcw.sample_rate_hz, count)?;
+                let swept_hz = match fmcw.sweep {
+                    Sweep::Down => -*fmcw.bandwidth_hz,
+                    Sweep::Up => *fmcw.bandwidth_hz,
+                };
+                Ok(Waveform::Fmcw {
+                    start_hz: centre_hz - swept_hz / 2.0,
+                    chirp_hz_s: swept_hz / duration_s,
+                    sample_rate_hz: *fmcw.sample_rate_hz,
+                    num_samples: count,
+                    mixer_delay_s: fmcw.mixer_delay_s,
+                })
+            }
+            WaveformKeys::Pulsed(pulsed) => {
+                let sample_rate_hz = *pulsed.sample_rate_hz;
+                sampled_s(&pulsed.sample_rate_hz, count)?;
+                if sample_rate_hz >= 2.0 * centre_hz {
+                    return Err(pulsed.sample_rate_hz.fault(
+                        "the sampled band extends below 0 Hz: choose a rate below twice the centre frequency",
+                    ));
+                }
+                Ok(Waveform::Pulsed {
+                    centre_hz,
+                    sample_rate_hz,
+                    num_samples: count,
+                    window_start_s: self
+                        .window_start_s
+                        .as_deref()
+                        .copied()
+                        .unwrap_or(f64::INFINITY),
+                    shape: pulsed.pulse.shape(sample_rate_hz)?,
+                })
+            }
+        }
     }
 }
 
 /// Pulse repetition interval from `pri` or `prf`, seconds.
-pub fn pri_s(values: &Values) -> Result<f64, Fault> {
-    match (values.optional_number("pri"), values.optional_number("prf")) {
+pub fn pri_s(pri_s: &Located<Option<f64>>, prf_hz: &Located<Option<f64>>) -> Result<f64, Fault> {
+    match (**pri_s, **prf_hz) {
         (Some(pri_s), None) => Ok(pri_s),
         (None, Some(prf_hz)) => Ok(1.0 / prf_hz),
-        (Some(_), Some(_)) => Err(values.fault("prf", "give either pri or prf, not both")),
-        (None, None) => Err(values.fault(
-            "pri",
+        (Some(_), Some(_)) => Err(prf_hz.fault("give either pri or prf, not both")),
+        (None, None) => Err(pri_s.fault(
             "[radar] needs 'pri', the pulse repetition interval, or 'prf': write for example pri = \"1 ms\"",
         )),
     }
@@ -62,85 +304,20 @@ pub fn pri_s(values: &Values) -> Result<f64, Fault> {
 /// Longest record of one pulse, seconds: far beyond real radars, and short enough for phases in float64.
 const LONGEST_RECORD_S: f64 = 1e3;
 
-fn waveform(values: &Values) -> Result<Waveform, Fault> {
-    let centre_hz = values.number("centre");
-    let count = values.count("samples") as usize;
-    match values.text("kind") {
-        "ideal" => Ok(Waveform::Ideal {
-            band: band(values, centre_hz, count)?,
-        }),
-        "stepped" => stepped(values, centre_hz, count),
-        "fmcw" => fmcw(values, centre_hz, count),
-        _ => pulsed(values, centre_hz, count),
-    }
-}
-
-fn stepped(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fault> {
-    let step_s = values.number("step_time");
-    let dwell_s = values.optional_number("dwell").unwrap_or(step_s);
-    if dwell_s > step_s * (1.0 + 1e-9) {
-        return Err(values.fault("dwell", "dwell is longer than step_time: shorten it"));
-    }
-    Ok(Waveform::Stepped {
-        band: band(values, centre_hz, count)?,
-        step_s,
-        dwell_s,
-    })
-}
-
-fn fmcw(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fault> {
-    let bandwidth_hz = bandwidth_hz(values, centre_hz)?;
-    let sample_rate_hz = values.number("sample_rate");
-    let duration_s = sampled_s(values, sample_rate_hz, count)?;
-    let direction = if values.text("sweep") == "down" {
-        -1.0
-    } else {
-        1.0
-    };
-    Ok(Waveform::Fmcw {
-        start_hz: centre_hz - direction * bandwidth_hz / 2.0,
-        chirp_hz_s: direction * bandwidth_hz / duration_s,
-        sample_rate_hz,
-        num_samples: count,
-        mixer_delay_s: values.number("mixer_delay"),
-    })
-}
-
-fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fault> {
-    let sample_rate_hz = values.number("sample_rate");
-    sampled_s(values, sample_rate_hz, count)?;
-    if sample_rate_hz >= 2.0 * centre_hz {
-        return Err(values.fault(
-            "sample_rate",
-            "the sampled band extends below 0 Hz: choose a rate below twice the centre frequency",
-        ));
-    }
-    Ok(Waveform::Pulsed {
-        centre_hz,
-        sample_rate_hz,
-        num_samples: count,
-        window_start_s: values
-            .optional_number("window_start")
-            .unwrap_or(f64::INFINITY),
-        shape: shape(values.section("pulse"), sample_rate_hz)?,
-    })
-}
-
-/// Bandwidth, checked to have no frequencies below 0; hertz.
-fn bandwidth_hz(values: &Values, centre_hz: f64) -> Result<f64, Fault> {
-    let bandwidth_hz = values.number("bandwidth");
-    if bandwidth_hz >= 2.0 * centre_hz {
-        return Err(values.fault(
-            "bandwidth",
+/// Check that the band has no frequencies below 0.
+fn check_bandwidth(bandwidth_hz: &Located<f64>, centre_hz: f64) -> Result<(), Fault> {
+    if **bandwidth_hz >= 2.0 * centre_hz {
+        return Err(bandwidth_hz.fault(
             "the band extends below 0 Hz: choose a bandwidth below twice the centre frequency",
         ));
     }
-    Ok(bandwidth_hz)
+    Ok(())
 }
 
 /// Band of `count` frequencies about the centre.
-fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Fault> {
-    let step_hz = bandwidth_hz(values, centre_hz)? / count as f64;
+fn band(bandwidth_hz: &Located<f64>, centre_hz: f64, count: usize) -> Result<Band, Fault> {
+    check_bandwidth(bandwidth_hz, centre_hz)?;
+    let step_hz = **bandwidth_hz / count as f64;
     Ok(Band {
         start_hz: centre_hz - (count / 2) as f64 * step_hz,
         step_hz,
@@ -149,16 +326,13 @@ fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Fault> {
 }
 
 /// Duration of `count` samples, checked against the maximum; seconds.
-fn sampled_s(values: &Values, rate_hz: f64, count: usize) -> Result<f64, Fault> {
-    let duration_s = count as f64 / rate_hz;
+fn sampled_s(rate_hz: &Located<f64>, count: usize) -> Result<f64, Fault> {
+    let duration_s = count as f64 / **rate_hz;
     if duration_s > LONGEST_RECORD_S {
-        return Err(values.fault(
-            "sample_rate",
-            format!(
-                "{count} samples last {}: raise the rate",
-                seconds(duration_s)
-            ),
-        ));
+        return Err(rate_hz.fault(format!(
+            "{count} samples last {}: raise the rate",
+            seconds(duration_s)
+        )));
     }
     Ok(duration_s)
 }
@@ -174,129 +348,114 @@ const BARKER: [(&str, &str); 7] = [
     ("barker-13", "+++++--++-+-+"),
 ];
 
-/// Pulse shape from `[radar.pulse]`, sampled at `sample_rate_hz`.
-///
-/// # Errors
-/// The first invalid or inconsistent value, at its key.
-pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Fault> {
-    if values.text("kind") == "lfm" {
-        let bandwidth_hz = values.number("bandwidth");
-        let duration_s = values.number("duration");
-        let rising = values.text("sweep") == "up";
-        if bandwidth_hz > sample_rate_hz {
-            return Err(values.fault(
-                "bandwidth",
-                format!(
-                    "the pulse's bandwidth exceeds the sample rate of {}: lower it, or raise \
-                                        [radar] sample_rate",
-                    hertz(sample_rate_hz)
-                ),
-            ));
+impl PulseKeys {
+    /// Pulse shape, sampled at `sample_rate_hz`.
+    ///
+    /// # Errors
+    /// The first invalid or inconsistent value, at its key.
+    pub fn shape(&self, sample_rate_hz: f64) -> Result<PulseShape, Fault> {
+        match &self.kind {
+            ShapeKeys::Lfm(lfm) => {
+                if *lfm.bandwidth_hz > sample_rate_hz {
+                    return Err(lfm.bandwidth_hz.fault(format!(
+                        "the pulse's bandwidth exceeds the sample rate of {}: lower it, or raise [radar] sample_rate",
+                        hertz(sample_rate_hz)
+                    )));
+                }
+                if *lfm.bandwidth_hz * *lfm.duration_s < 1.0 {
+                    return Err(lfm.duration_s.fault(
+                        "the time-bandwidth product is below 1, too small for a chirp: lengthen the pulse",
+                    ));
+                }
+                Ok(PulseShape::Lfm {
+                    bandwidth_hz: *lfm.bandwidth_hz,
+                    duration_s: *lfm.duration_s,
+                    rising: lfm.sweep == Sweep::Up,
+                })
+            }
+            ShapeKeys::Code(code) => {
+                let phases_rad = self.phases_rad()?;
+                if *code.chip_s * sample_rate_hz < 1.0 - 1e-9 {
+                    return Err(code.chip_s.fault(format!(
+                        "the chip is shorter than a sample of {:.6} ns: lengthen it or raise [radar] sample_rate",
+                        1e9 / sample_rate_hz
+                    )));
+                }
+                Ok(PulseShape::PhaseCode {
+                    phases_rad,
+                    chip_s: *code.chip_s,
+                })
+            }
         }
-        if bandwidth_hz * duration_s < 1.0 {
-            return Err(values.fault(
-                "duration",
-                "the time-bandwidth product is below 1, too small for a chirp: lengthen the pulse",
-            ));
+    }
+
+    fn phases_rad(&self) -> Result<Vec<f64>, Fault> {
+        match (&*self.code, &*self.phases) {
+            (Some(name), None) => {
+                let signs = BARKER.iter().find(|(known, _)| known == name);
+                let signs = signs.map_or("", |&(_, signs)| signs);
+                let phase_rad = |sign| if sign == '+' { 0.0 } else { PI };
+                Ok(signs.chars().map(phase_rad).collect())
+            }
+            (None, Some(rows)) => Ok(rows.iter().map(|[phase_rad]| *phase_rad).collect()),
+            (Some(_), Some(_)) => Err(self.phases.fault("give either code or phases, not both")),
+            (None, None) => Err(self.code.fault(
+                "[radar.pulse] needs 'code' or 'phases': write for example code = \"barker-13\"",
+            )),
         }
-        return Ok(PulseShape::Lfm {
-            bandwidth_hz,
-            duration_s,
-            rising,
+    }
+}
+
+/// Antennas of a kind; a single isotropic antenna at the body's origin if none is given. Names default to `letter` and a number.
+pub fn antennas_of<'k>(
+    given: impl Iterator<Item = (&'k MountKeys, &'k BeamKeys)>,
+    letter: &str,
+) -> Result<Vec<Antenna>, Fault> {
+    let antennas = given.enumerate();
+    let antennas =
+        antennas.map(|(i, (mount, beam))| beam.antenna(mount, format!("{letter}{}", i + 1)));
+    let mut antennas: Vec<Antenna> = antennas.collect::<Result<_, _>>()?;
+    if antennas.is_empty() {
+        antennas.push(Antenna {
+            name: format!("{letter}1"),
+            offset_m: DVec3::ZERO,
+            boresight: DVec3::Y,
+            up: DVec3::Z,
+            pattern: Pattern::Isotropic,
         });
     }
-    let chip_s = values.number("chip");
-    let named = values.optional_text("code");
-    let listed = values.optional_rows("phases");
-    let phases_rad = match (named, listed) {
-        (Some(name), None) => {
-            let signs = BARKER.iter().find(|(known, _)| *known == name);
-            let signs = signs.map_or("", |&(_, signs)| signs);
-            signs
-                .chars()
-                .map(|sign| if sign == '+' { 0.0 } else { PI })
-                .collect()
-        }
-        (None, Some(rows)) => rows.iter().map(|row| row[0]).collect(),
-        (Some(_), Some(_)) => {
-            return Err(values.fault("phases", "give either code or phases, not both"));
-        }
-        (None, None) => {
-            return Err(values.fault(
-                "code",
-                "[radar.pulse] needs 'code' or 'phases': write for example code = \"barker-13\"",
+    Ok(antennas)
+}
+
+impl BeamKeys {
+    fn antenna(&self, mount: &MountKeys, name: String) -> Result<Antenna, Fault> {
+        let boresight = self.boresight.direction()?;
+        let up = self.up.direction()?;
+        let across = up - boresight * up.dot(boresight);
+        // Directions less than a thousandth of a degree apart do not define an elevation axis.
+        if across.length() < 2e-5 {
+            return Err(self.up.fault(
+                "up is parallel to boresight, so the beam has no elevation axis: change one of them",
             ));
         }
-    };
-    if chip_s * sample_rate_hz < 1.0 - 1e-9 {
-        return Err(values.fault(
-            "chip",
-            format!(
-                "the chip is shorter than a sample of {:.6} ns: lengthen it or raise [radar] sample_rate",
-                1e9 / sample_rate_hz
-            ),
-        ));
+        Ok(Antenna {
+            name: mount.name.clone().unwrap_or(name),
+            offset_m: mount.offset_m,
+            boresight,
+            up: across.normalize(),
+            pattern: match &self.pattern {
+                PatternKeys::Isotropic => Pattern::Isotropic,
+                PatternKeys::Gaussian(widths) => Pattern::Gaussian {
+                    azimuth_rad: widths.azimuth_rad,
+                    elevation_rad: widths.elevation_rad,
+                },
+                PatternKeys::Aperture(widths) => Pattern::Aperture {
+                    azimuth_rad: widths.azimuth_rad,
+                    elevation_rad: widths.elevation_rad,
+                },
+            },
+        })
     }
-    Ok(PulseShape::PhaseCode { phases_rad, chip_s })
-}
-
-/// Antennas of a section (`transmitter` or `receiver`); a single isotropic antenna at the body's origin if there is no
-/// section. Names default to `letter` and a number.
-pub fn antennas(values: &Values, section: &str, letter: &str) -> Result<Vec<Antenna>, Fault> {
-    let given = values.sections(section);
-    if given.is_empty() {
-        return Ok(vec![Antenna {
-            name: format!("{letter}1"),
-            offset_m: glam::DVec3::ZERO,
-            boresight: glam::DVec3::Y,
-            up: glam::DVec3::Z,
-            pattern: Pattern::Isotropic,
-        }]);
-    }
-    let antennas = given.iter().enumerate();
-    antennas
-        .map(|(i, values)| antenna(values, format!("{letter}{}", i + 1)))
-        .collect()
-}
-
-fn antenna(values: &Values, name: String) -> Result<Antenna, Fault> {
-    let boresight = values.direction("boresight")?;
-    let up = values.direction("up")?;
-    let across = up - boresight * up.dot(boresight);
-    // Directions less than a thousandth of a degree apart do not define an elevation axis.
-    if across.length() < 2e-5 {
-        return Err(values.fault(
-            "up",
-            "up is parallel to boresight, so the beam has no elevation axis: change one of them",
-        ));
-    }
-    let name = values.optional_text("name").map_or(name, str::to_owned);
-    let offset_m = values.vector("offset");
-    let widths = || (values.number("azimuth"), values.number("elevation"));
-    let pattern = match values.text("pattern") {
-        "gaussian" => {
-            let (azimuth_rad, elevation_rad) = widths();
-            Pattern::Gaussian {
-                azimuth_rad,
-                elevation_rad,
-            }
-        }
-        "aperture" => {
-            let (azimuth_rad, elevation_rad) = widths();
-            Pattern::Aperture {
-                azimuth_rad,
-                elevation_rad,
-            }
-        }
-        _ => Pattern::Isotropic,
-    };
-    Ok(Antenna {
-        name,
-        offset_m,
-        boresight,
-        up: across.normalize(),
-        pattern,
-    })
 }
 
 /// Duration of the transmission of one pulse, seconds; 0 for an ideal waveform.

@@ -19,8 +19,8 @@ impl Schema {
             0,
             &format!("{} {CONVENTIONS}", self.introduction),
         );
-        for section in self.sections {
-            let _ = match section.path {
+        for section in &self.sections {
+            let _ = match &*section.path {
                 "" => writeln!(text),
                 _ => writeln!(text, "\n{}", section.header()),
             };
@@ -40,7 +40,7 @@ impl Schema {
                     &format!("{}{presence}{condition}", section.doc),
                 );
             }
-            for key in section.keys {
+            for key in &section.keys {
                 let need = match key.need {
                     Requirement::Required(example) => format!("required, for example {example}"),
                     Requirement::Default(default) => format!("default {default}"),

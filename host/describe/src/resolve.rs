@@ -1,6 +1,5 @@
 //! Check of the tree against the schema: names, types, units, bounds, missing keys.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use super::error::{Fault, Location};
@@ -17,23 +16,22 @@ const MAX_FOUND: usize = 1000;
 /// there are none.
 pub(crate) fn resolve(
     schema: &Schema,
-    section: &'static Section,
+    section: &Section,
     table: &Table,
     at: &Location,
     faults: &mut Vec<Fault>,
 ) -> Values {
     let selected = selected(section, table);
     let applies = |when: &[&str]| applies(when, selected.as_deref());
-    let children: Vec<&'static Section> = schema.within(section.path).collect();
+    let children: Vec<&Section> = schema.within(&section.path).collect();
 
     check_names(schema, section, table, selected.as_deref(), faults);
     let mut values = Values {
-        section,
         at: at.clone(),
         keys: BTreeMap::new(),
         within: BTreeMap::new(),
     };
-    for key in section.keys {
+    for key in &section.keys {
         if applies(key.when) != Some(true) {
             continue;
         }
@@ -46,10 +44,7 @@ pub(crate) fn resolve(
         };
         match checked {
             Ok((value, at)) => {
-                let taken = Cell::new(false);
-                values
-                    .keys
-                    .insert(key.name, LocatedValue { value, at, taken });
+                values.keys.insert(key.name, LocatedValue { value, at });
             }
             Err(found) => faults.push(found),
         }
@@ -63,7 +58,7 @@ pub(crate) fn resolve(
             continue;
         }
         let found = sections(schema, child, given, at, faults);
-        values.within.insert(child.name(), found);
+        values.within.insert(child.name().to_owned(), found);
     }
     values
 }
@@ -79,12 +74,12 @@ fn applies(when: &[&str], selected: Option<&str>) -> Option<bool> {
 /// Report the faults of the names in a section's table.
 fn check_names(
     schema: &Schema,
-    section: &'static Section,
+    section: &Section,
     table: &Table,
     selected: Option<&str>,
     faults: &mut Vec<Fault>,
 ) {
-    let children: Vec<&'static Section> = schema.within(section.path).collect();
+    let children: Vec<&Section> = schema.within(&section.path).collect();
     for (name, (key_at, node)) in table {
         let when = match (
             section.key(name),
@@ -157,7 +152,7 @@ fn selected(section: &Section, table: &Table) -> Option<String> {
 /// All sections with this path.
 fn sections(
     schema: &Schema,
-    section: &'static Section,
+    section: &Section,
     given: Option<(&Location, &Node)>,
     parent_at: &Location,
     faults: &mut Vec<Fault>,
@@ -218,10 +213,10 @@ fn is_misspelt_key(section: &Section, name: &str, node: &Node) -> bool {
     !matches!(node.raw, Raw::Table(_) | Raw::Array(_)) && nearest(name, keys).is_some()
 }
 
-fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) -> String {
+fn unknown(schema: &Schema, section: &Section, name: &str, node: &Node) -> String {
     let own = section.keys.iter().map(|key| key.name);
     let inner = schema
-        .within(section.path)
+        .within(&section.path)
         .map(|within| within.name())
         .filter(|inner| *inner != name);
     if let Some(meant) = nearest(name, own.clone().chain(inner)) {
@@ -232,7 +227,6 @@ fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) 
     let elsewhere: Vec<String> = schema
         .sections
         .iter()
-        .copied()
         .filter(has)
         .map(Section::header)
         .collect();
@@ -244,7 +238,7 @@ fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) 
         );
     }
     let known: Vec<&str> = own
-        .chain(schema.within(section.path).map(Section::name))
+        .chain(schema.within(&section.path).map(Section::name))
         .collect();
     format!(
         "unknown key '{name}': {} has {}",

@@ -6,7 +6,7 @@ use subaperture_model::units::{Dimension, example_row};
 #[derive(Debug)]
 pub struct Schema {
     /// All sections; the top level is the first, and subsections follow their parents.
-    pub sections: &'static [&'static Section],
+    pub sections: Vec<Section>,
     /// Introduction of the key reference.
     pub introduction: &'static str,
 }
@@ -15,7 +15,7 @@ pub struct Schema {
 #[derive(Debug)]
 pub struct Section {
     /// Dotted path; empty for the top level.
-    pub path: &'static str,
+    pub path: String,
     /// How often the section may occur.
     pub presence: Presence,
     /// Values of the parent's selector for which the section applies; empty for all.
@@ -25,7 +25,7 @@ pub struct Section {
     /// Description, shown in the key reference.
     pub doc: &'static str,
     /// Keys of the section.
-    pub keys: &'static [Key],
+    pub keys: Vec<Key>,
 }
 
 /// Number of occurrences of a section.
@@ -187,20 +187,20 @@ fn bare(dimension: Dimension) -> &'static str {
 
 impl Schema {
     /// Sections directly within the one at `path`.
-    pub fn within(&self, path: &str) -> impl Iterator<Item = &'static Section> {
-        let sections = self.sections.iter().copied();
+    pub fn within(&self, path: &str) -> impl Iterator<Item = &Section> {
+        let sections = self.sections.iter();
         sections.filter(move |section| section.parent() == Some(path))
     }
 }
 
 impl Section {
     /// Last word of the path.
-    pub fn name(&self) -> &'static str {
+    pub fn name(&self) -> &str {
         self.path.rsplit('.').next().unwrap_or_default()
     }
 
     /// Path of the parent section; `None` for the top level.
-    pub fn parent(&self) -> Option<&'static str> {
+    pub fn parent(&self) -> Option<&str> {
         match self.path.rsplit_once('.') {
             Some((parent, _)) => Some(parent),
             None => (!self.path.is_empty()).then_some(""),
@@ -209,7 +209,7 @@ impl Section {
 
     /// Header as written in the text: `[radar.pulse]`, `[[scene.point]]`.
     pub fn header(&self) -> String {
-        match (self.path, self.presence) {
+        match (&*self.path, self.presence) {
             ("", _) => "the top level".to_owned(),
             (path, Presence::Many) => format!("[[{path}]]"),
             (path, _) => format!("[{path}]"),
@@ -217,7 +217,7 @@ impl Section {
     }
 
     /// Key called `name`; `None` if there is none.
-    pub fn key(&self, name: &str) -> Option<&'static Key> {
+    pub fn key(&self, name: &str) -> Option<&Key> {
         self.keys.iter().find(|key| key.name == name)
     }
 }

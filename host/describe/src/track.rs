@@ -1,101 +1,132 @@
-//! Tracks from a section's `kind` and keys.
+//! Tracks from the keys of platforms and moving targets.
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
-use subaperture_model::track::{
-    self, Circular, Linear, Profile, Rail, Spline, TrackError, Trajectory, Waypoints,
-};
+use subaperture_model::track::{Circular, Linear, Spline, Trajectory, Waypoints};
 
+use crate::declare::{Choice, Located, section};
 use crate::error::Fault;
-use crate::values::Values;
 
-/// Build the track of a section. `middle_s` is the middle of the collection, seconds.
-///
-/// # Errors
-/// The first invalid value, at its key.
-pub fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Fault> {
-    let failed = |key: &str, error: TrackError| values.fault(key, error.to_string());
-    Ok(match values.text("kind") {
-        "fixed" => Arc::new(Linear {
-            position_m: values.vector("position"),
-            velocity_m_s: DVec3::ZERO,
-            at_s: 0.0,
-        }),
-        "linear" => Arc::new(Linear {
-            position_m: values.vector("position"),
-            velocity_m_s: values.vector("velocity"),
-            at_s: at_s(values, middle_s),
-        }),
-        "circular" => {
-            let radius_m = values.number("radius");
-            let turn = if values.text("turn") == "left" {
-                1.0
-            } else {
-                -1.0
-            };
-            let rate_rad_s = turn * values.number("speed") / radius_m;
-            Arc::new(Circular {
-                centre_m: values.vector("centre"),
-                radius_m,
-                start_rad: values.number("bearing") - rate_rad_s * at_s(values, middle_s),
-                rate_rad_s,
-            })
+/// Time at which a position on the track is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum At {
+    /// Time 0.
+    Start,
+    /// Middle of the collection.
+    Middle,
+}
+
+impl At {
+    /// The time, seconds, of a collection whose middle is `middle_s`.
+    pub fn time_s(self, middle_s: f64) -> f64 {
+        match self {
+            Self::Start => 0.0,
+            Self::Middle => middle_s,
         }
-        "rail" => {
-            let (from_m, to_m) = (values.vector("from"), values.vector("to"));
-            if from_m.distance(to_m) < 1e-9 {
-                return Err(values.fault("to", "the rail has zero length: move one of its ends"));
-            }
-            Arc::new(Rail {
-                from_m,
-                to_m,
-                speed_m_s: values.number("speed"),
-                start_s: values.number("start"),
-            })
-        }
-        "arc" => Arc::new(track::Arc {
-            pivot_m: values.vector("pivot"),
-            radius_m: values.number("radius"),
-            from_rad: values.number("from_angle"),
-            to_rad: values.number("to_angle"),
-            rate_rad_s: values.number("rate"),
-            start_s: values.number("start"),
-        }),
-        "profile" => {
-            let pieces: Vec<(f64, DVec3)> = values
-                .rows("pieces")
-                .iter()
-                .map(|row| (row[0], DVec3::from_slice(&row[1..])))
-                .collect();
-            let profile = Profile::new(
-                values.number("start"),
-                values.vector("position"),
-                values.vector("velocity"),
-                &pieces,
-            );
-            Arc::new(profile.map_err(|error| failed("pieces", error))?)
-        }
-        kind => {
-            let rows = values.rows("points").iter();
-            let (times, points): (Vec<f64>, Vec<DVec3>) = rows
-                .map(|row| (row[0], DVec3::from_slice(&row[1..])))
-                .unzip();
-            let failed = |error| failed("points", error);
-            if kind == "spline" {
-                Arc::new(Spline::new(times, &points).map_err(failed)?)
-            } else {
-                Arc::new(Waypoints::new(times, points).map_err(failed)?)
-            }
-        }
+    }
+}
+
+/// Direction of rotation on a circle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Turn {
+    /// Counterclockwise seen from above.
+    Left,
+    /// Clockwise seen from above.
+    Right,
+}
+
+/// Start and direction of the motion on a circle.
+#[section]
+#[derive(Clone, Copy, Debug)]
+pub struct TurnKeys {
+    /// Angle on the circle at the time given by 'at', from x towards y.
+    #[key(default = "-90 deg")]
+    pub bearing_rad: f64,
+    /// Direction of rotation: left is counterclockwise seen from above.
+    #[key(default = "left")]
+    pub turn: Turn,
+}
+
+impl TurnKeys {
+    /// Circle on which the bearing is that at `at_s`, seconds.
+    pub fn circle(
+        &self,
+        centre_m: DVec3,
+        radius_m: f64,
+        speed_m_s: f64,
+        at_s: f64,
+    ) -> Arc<dyn Trajectory> {
+        let turn = match self.turn {
+            Turn::Left => 1.0,
+            Turn::Right => -1.0,
+        };
+        let rate_rad_s = turn * speed_m_s / radius_m;
+        Arc::new(Circular {
+            centre_m,
+            radius_m,
+            start_rad: self.bearing_rad - rate_rad_s * at_s,
+            rate_rad_s,
+        })
+    }
+}
+
+/// Records of a navigation log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Record {
+    /// Position and attitude, with their standard deviations.
+    Inspvax,
+    /// Position and attitude.
+    Inspva,
+    /// Position.
+    Bestpos,
+}
+
+/// Reading of a NovAtel log.
+#[section]
+#[derive(Clone, Copy, Debug)]
+pub struct LogKeys {
+    /// Records of the log used for the track; bestpos has no attitude.
+    #[key(default = "inspvax")]
+    pub record: Record,
+    /// Skip damaged lines of the log.
+    #[key(default = false)]
+    pub skip_damaged: bool,
+}
+
+/// Straight line through a position at a time.
+pub fn line(position_m: DVec3, velocity_m_s: DVec3, at_s: f64) -> Arc<dyn Trajectory> {
+    Arc::new(Linear {
+        position_m,
+        velocity_m_s,
+        at_s,
     })
 }
 
-fn at_s(values: &Values, middle_s: f64) -> f64 {
-    if values.text("at") == "middle" {
-        middle_s
-    } else {
-        0.0
-    }
+/// Straight segments through rows of time and position.
+///
+/// # Errors
+/// Fewer than two points, or times that do not ascend.
+pub fn segments(points: &Located<Vec<[f64; 4]>>) -> Result<Arc<dyn Trajectory>, Fault> {
+    let (times, positions) = timed(points);
+    let track =
+        Waypoints::new(times, positions).map_err(|error| points.fault(error.to_string()))?;
+    Ok(Arc::new(track))
+}
+
+/// Smooth curve through rows of time and position.
+///
+/// # Errors
+/// As [`segments`].
+pub fn curve(points: &Located<Vec<[f64; 4]>>) -> Result<Arc<dyn Trajectory>, Fault> {
+    let (times, positions) = timed(points);
+    let track = Spline::new(times, &positions).map_err(|error| points.fault(error.to_string()))?;
+    Ok(Arc::new(track))
+}
+
+fn timed(points: &[[f64; 4]]) -> (Vec<f64>, Vec<DVec3>) {
+    let rows = points.iter();
+    rows.map(|&[time_s, x, y, z]| (time_s, DVec3::new(x, y, z)))
+        .unzip()
 }

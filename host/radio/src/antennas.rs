@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use subaperture_describe::declare::Choice;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
 /// Phase reference of the echo.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reference {
     /// Loopback cable from the transmitter to receiver 0; receiver 1 has the antenna (Chim 2018, Fig. 5.4).
@@ -15,6 +16,7 @@ pub enum Reference {
     Leakage,
     /// Transmitted tone only. The synthesisers' random phases stay in the echo, so that no range profile is possible;
     /// for demonstration.
+    #[skip]
     None,
 }
 

@@ -6,6 +6,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use subaperture_describe::declare::section;
 use subaperture_simulate::random::unit;
 
 use crate::error::RadioError;
@@ -13,22 +14,30 @@ use crate::transceiver::{
     About, Burst, Configuration, Event, EventKind, Received, Sample, Sensors, Side, Transceiver,
 };
 
-/// Fault probabilities per burst, 0 to 1.
+/// Injected faults of the link between the radio and this machine, as probabilities per burst.
+#[section]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
     /// Probability of an overrun, which loses the end of a burst.
+    #[key(default = 0, within(0.0, 1.0, "0 to 1"))]
     pub overflow: f64,
-    /// Probability of a lost packet within a burst.
+    /// Probability that a packet within a burst is lost.
+    #[key(default = 0, within(0.0, 1.0, "0 to 1"))]
     pub lost_packet: f64,
     /// Probability of a late command.
+    #[key(default = 0, within(0.0, 1.0, "0 to 1"))]
     pub late: f64,
-    /// Probability of an underrun: the transmitter pauses for one packet, and the receivers hear nothing meanwhile.
+    /// Probability of an underrun: the transmitter pauses for one packet.
+    #[key(default = 0, within(0.0, 1.0, "0 to 1"))]
     pub underflow: f64,
-    /// Number of samples per packet, the unit of lost samples.
+    /// Samples per packet.
+    #[key(default = 200, whole(1, 1 << 20))]
     pub packet: usize,
-    /// Burst at which the device is disconnected.
+    /// Burst at which the radio is disconnected.
+    #[key(example = 500)]
     pub unplug_at: Option<u64>,
     /// Seed of the random faults.
+    #[key(default = 0, whole(0, i64::MAX as u64))]
     pub seed: u64,
 }
 

@@ -4,6 +4,7 @@
 //! than the burst it requests and the retune time of the device.
 
 use num_complex::{Complex, Complex32};
+use subaperture_describe::declare::Choice;
 
 use crate::error::RadioError;
 
@@ -101,7 +102,7 @@ pub struct About {
 }
 
 /// Source of the reference clock or of the pulse per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Source {
     /// Internal oscillator of the device.
     #[default]
@@ -113,7 +114,7 @@ pub enum Source {
 }
 
 /// Settings made once before a capture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Configuration {
     /// Master clock rate, hertz.
     pub master_clock_hz: f64,

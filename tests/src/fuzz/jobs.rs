@@ -1,6 +1,7 @@
 //! Pipelines: their TOML, and the state files of their folders.
 
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use subaperture::describe::Description;
 use subaperture::describe::schema::{
@@ -29,23 +30,23 @@ pub(super) const WORDS: &[&str] = &[
 const SECTIONS: [&str; 3] = ["input", "former", "track"];
 
 /// A key of every type of value that a job has.
-static SCHEMA: Schema = Schema {
-    sections: &[
-        &section("", "", &[]),
-        &section(
+static SCHEMA: LazyLock<Schema> = LazyLock::new(|| Schema {
+    sections: vec![
+        section("", "", vec![]),
+        section(
             "input",
             "",
-            &[Key::new(
+            vec![Key::new(
                 "files",
                 ValueType::Paths,
                 Requirement::Required("\"a\""),
                 "Files.",
             )],
         ),
-        &section(
+        section(
             "former",
             "",
-            &[
+            vec![
                 Key::new(
                     "algorithm",
                     ValueType::Choice(&["auto", "bp"]),
@@ -72,10 +73,10 @@ static SCHEMA: Schema = Schema {
                 ),
             ],
         ),
-        &section(
+        section(
             "track",
             "source",
-            &[
+            vec![
                 Key::new(
                     "source",
                     ValueType::Choice(&["mpga", "fused"]),
@@ -100,11 +101,11 @@ static SCHEMA: Schema = Schema {
         ),
     ],
     introduction: "A job.",
-};
+});
 
-const fn section(path: &'static str, selector: &'static str, keys: &'static [Key]) -> Section {
+fn section(path: &str, selector: &'static str, keys: Vec<Key>) -> Section {
     Section {
-        path,
+        path: path.to_owned(),
         presence: Presence::Always,
         when: &[],
         selector,

@@ -73,6 +73,7 @@ fn steps() -> plan::Plan {
         steps: 50,
         avoid: Vec::new(),
         order: plan::Order::Up,
+        seed: 0,
         dwell_s: 1e-3,
         tone_hz: 125e3,
         amplitude: 0.7,

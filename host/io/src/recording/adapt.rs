@@ -4,16 +4,21 @@ use num_complex::Complex32;
 
 use super::analytic;
 use super::arrays::Source;
+use super::keys::{
+    Background, RadarKeys, RecordingDescription, RecordingKeys, WaveformKeys, WaveformKeysPulsed,
+    WaveformKeysStepped,
+};
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
-use super::samples::{Rows, Samples, sweeps_a_pulse};
+use super::samples::{Rows, Samples};
 use crate::receive::{
-    Compressed, Deskewed, EchoCollection, EchoPulse, Filter, ProfileAxis, Profiles, ReceiveError,
-    Referenced, Skew, StoredEchoes, remove_background,
+    Compressed, Deskewed, EchoCollection, EchoPulse, Echoes, Filter, ProfileAxis, Profiles,
+    ReceiveError, Referenced, Skew, StoredEchoes, remove_background,
 };
+use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
-use subaperture_describe::values::Values;
-use subaperture_describe::{place, radar};
+use subaperture_describe::place;
+use subaperture_describe::radar::{IntraPulse, ShapeKeys};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Extent;
 use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
@@ -23,31 +28,55 @@ use glam::DVec3;
 
 /// The recording as phase history in memory.
 pub(super) fn adapt(
-    top: &Values,
+    top: &RecordingDescription,
     source: &Source,
     samples: Samples,
     pulses: &Pulses,
 ) -> Result<InMemory, Fault> {
-    let (recording, values) = (source.recording, top.section("radar"));
+    let (recording, scene) = (&top.recording, &top.scene);
     check_memory(source, pulses.chosen.len(), samples.num_samples)?;
-    let scene_values = top.section("scene");
     let header = Header {
         name: name(top, source),
         pulses,
-        extent: place::extent(scene_values)?,
-        bias_path_m: 2.0 * recording.number("range_bias"),
-        given: place::reference(scene_values)?,
+        extent: place::extent(&scene.x_m, &scene.y_m)?,
+        bias_path_m: 2.0 * recording.range_bias_m,
+        given: place::reference(scene.reference_m, &scene.reference_range_m)?,
     };
     let mut raw = rows_of(recording, pulses, &samples);
-    if samples.real && values.text("kind") == "fmcw" {
-        analytic::beats(&mut raw, samples.num_samples, values.number("slope") > 0.0);
+    if samples.real
+        && let WaveformKeys::Fmcw(fmcw) = &*top.radar.kind
+    {
+        analytic::beats(&mut raw, samples.num_samples, fmcw.slope_hz_s > 0.0);
     }
     remove(recording, pulses, samples.num_samples, &mut raw)?;
-    match values.text("kind") {
-        "profiles" => from_profiles(values, source, &samples, &header, raw)?,
-        kind => from_echoes(values, kind, &samples, &header, raw)?,
-    }
-    .map_err(|what| recording.fault("file", what))
+    let radar = &top.radar;
+    let (waveform, motion) = match &*radar.kind {
+        WaveformKeys::Profiles(profiles) => {
+            let built = from_profiles(radar, &profiles.band_hz, source, &samples, &header, raw)?;
+            return built.map_err(|what| recording.file.fault(what));
+        }
+        WaveformKeys::Fmcw(fmcw) => {
+            let waveform = Waveform::Fmcw {
+                start_hz: fmcw.start_hz,
+                chirp_hz_s: fmcw.slope_hz_s,
+                sample_rate_hz: fmcw.sample_rate_hz,
+                num_samples: samples.num_samples,
+                mixer_delay_s: fmcw.mixer_delay_s,
+            };
+            (waveform, *fmcw.motion)
+        }
+        WaveformKeys::Pulsed(keys) => {
+            let waveform = pulsed(radar, keys, samples.num_samples)?;
+            (waveform, IntraPulse::StopAndGo)
+        }
+        WaveformKeys::Stepped(keys) => {
+            let waveform = stepped(radar, keys, samples.num_samples)?;
+            (waveform, *keys.motion)
+        }
+    };
+    let moves = motion == IntraPulse::True;
+    from_echoes(radar, waveform, moves, &samples, &header, raw)?
+        .map_err(|what| recording.file.fault(what))
 }
 
 /// Check that memory suffices for the samples as read, in the adapter, and as phase history.
@@ -57,8 +86,7 @@ fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Resul
     if needed <= left {
         return Ok(());
     }
-    Err(source.recording.fault(
-        "file",
+    Err(source.recording.file.fault(
         format!(
             "{num_pulses} pulses of {num_samples} samples need {needed} bytes of memory, but {left} are left: allow \
              more, or choose fewer pulses"
@@ -67,12 +95,9 @@ fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Resul
 }
 
 /// Samples of the chosen pulses, with the sweeps of a pulse averaged.
-fn rows_of(recording: &Values, pulses: &Pulses, samples: &Samples) -> Vec<Complex32> {
-    let a_pulse = sweeps_a_pulse(recording);
-    let (every, turns) = (
-        recording.count("transmitters") as usize,
-        recording.count("average") as usize,
-    );
+fn rows_of(recording: &RecordingKeys, pulses: &Pulses, samples: &Samples) -> Vec<Complex32> {
+    let a_pulse = recording.sweeps_a_pulse();
+    let (every, turns) = (*recording.transmitters, *recording.average);
     let rows = pulses.chosen.iter().map(|pulse| {
         let channel = &pulses.antennas.channels[pulse.channel];
         Rows {
@@ -87,30 +112,31 @@ fn rows_of(recording: &Values, pulses: &Pulses, samples: &Samples) -> Vec<Comple
 
 /// Phase history from range profiles. The inner error concerns the file.
 fn from_profiles(
-    values: &Values,
+    radar: &RadarKeys,
+    band_hz: &Located<(f64, f64)>,
     source: &Source,
     samples: &Samples,
     header: &Header<'_>,
     raw: Vec<Complex32>,
 ) -> Result<Result<InMemory, String>, Fault> {
-    let (axis, band_hz) = profiles(values, source, samples)?;
+    let axis = profile_axis(radar, source, samples)?;
     let middle_m = axis.first_range_m + axis.range_step_m * samples.num_samples as f64 / 2.0;
     let collection = header.collection(middle_m);
-    let profiles = Profiles::new(collection, axis, band_hz, raw);
-    let profiles = profiles.map_err(|error| values.fault("band", error.to_string()))?;
+    let profiles = Profiles::new(collection, axis, **band_hz, raw);
+    let profiles = profiles.map_err(|error| band_hz.fault(error.to_string()))?;
     Ok(whole(&profiles, header))
 }
 
 /// Phase history from the echoes of a waveform. The inner error concerns the file.
 fn from_echoes(
-    values: &Values,
-    kind: &str,
+    radar: &RadarKeys,
+    waveform: Waveform,
+    moves: bool,
     samples: &Samples,
     header: &Header<'_>,
     raw: Vec<Complex32>,
 ) -> Result<Result<InMemory, String>, Fault> {
-    let received = |error: ReceiveError| Fault::new(&values.at, error.what);
-    let waveform = waveform(values, kind, samples.num_samples)?;
+    let received = |error: ReceiveError| Fault::new(&radar.header, error.what);
     // Real samples contain beats up to half the sampling rate, complex ones up to the whole rate.
     let held = if samples.real { 0.5 } else { 1.0 };
     let middle_m = middle_of_window_m(&waveform, held);
@@ -128,7 +154,6 @@ fn from_echoes(
         }
         _ => None,
     };
-    let moves = values.optional_text("motion") == Some("true");
     let echoes = header.echoes(waveform, middle_m);
     let held = InMotion {
         held: StoredEchoes::new(echoes, raw).map_err(received)?,
@@ -137,12 +162,12 @@ fn from_echoes(
         pulses: header.pulses,
         bias_path_m: header.bias_path_m,
     };
-    Ok(match kind {
-        "fmcw" => whole(
+    Ok(match held.collection().waveform {
+        Waveform::Fmcw { .. } => whole(
             &Deskewed::new(held, half_delay_s, Skew::Removed).map_err(received)?,
             header,
         ),
-        "pulsed" => whole(
+        Waveform::Pulsed { .. } => whole(
             &Compressed::new(held, Filter::Inverse).map_err(received)?,
             header,
         ),
@@ -258,30 +283,24 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String
     InMemory::new(collection, samples).map_err(|error| error.to_string())
 }
 
-fn name(top: &Values, source: &Source) -> String {
-    top.optional_text("name").map_or_else(
-        || {
-            let file = source.file();
-            let stem = file.file_stem().unwrap_or(file.as_os_str());
-            stem.to_string_lossy().into_owned()
-        },
-        str::to_owned,
-    )
+fn name(top: &RecordingDescription, source: &Source) -> String {
+    top.name.clone().unwrap_or_else(|| {
+        let file = source.file();
+        let stem = file.file_stem().unwrap_or(file.as_os_str());
+        stem.to_string_lossy().into_owned()
+    })
 }
 
 fn remove(
-    recording: &Values,
+    recording: &RecordingKeys,
     pulses: &Pulses,
     width: usize,
     samples: &mut [Complex32],
 ) -> Result<(), Fault> {
-    let (from, to) = (
-        recording.count("background_first"),
-        recording.optional_count("background_count"),
-    );
+    let (from, to) = (recording.background_first, recording.background_count);
     let stretch = from..to.map_or(u64::MAX, |count| from.saturating_add(count));
-    let kind = recording.text("background");
-    if kind == "keep" {
+    let kind = *recording.background;
+    if kind == Background::Keep {
         return Ok(());
     }
     for channel in 0..pulses.antennas.channels.len() {
@@ -293,12 +312,12 @@ fn remove(
             .iter()
             .map(|&n| &pulses.chosen[n])
             .map(|pulse| {
-                stretch.contains(&(pulse.index as u64)) && (kind == "mean" || pulse.moving)
+                stretch.contains(&(pulse.index as u64))
+                    && (kind == Background::Mean || pulse.moving)
             })
             .collect();
         if over.iter().filter(|&&over| over).count() < 2 {
-            return Err(recording.fault(
-                "background",
+            return Err(recording.background.fault(
                 "fewer than two pulses to average: check background_first, background_count \
                  and moving_above",
             ));
@@ -315,64 +334,51 @@ fn remove(
     Ok(())
 }
 
-fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Fault> {
-    Ok(match kind {
-        "fmcw" => Waveform::Fmcw {
-            start_hz: values.number("start"),
-            chirp_hz_s: values.number("slope"),
-            sample_rate_hz: values.number("sample_rate"),
-            num_samples: count,
-            mixer_delay_s: values.number("mixer_delay"),
-        },
-        "pulsed" => {
-            let sample_rate_hz = values.number("sample_rate");
-            let pulse = values.section("pulse");
-            let shape = radar::shape(pulse, sample_rate_hz)?;
-            // No echo of a longer pulse is recorded completely, and the computation would take as long as the pulse.
-            let recorded_s = count as f64 / sample_rate_hz;
-            if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
-                let key = match pulse.text("kind") {
-                    "lfm" => "duration",
-                    _ => "chip",
-                };
-                return Err(pulse.fault(
-                    key,
-                    format!(
-                        "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten \
-                         it, or check [radar] sample_rate",
-                        shape.duration_s() * 1e6,
-                        recorded_s * 1e6
-                    ),
-                ));
-            }
-            Waveform::Pulsed {
-                centre_hz: values.number("centre"),
-                sample_rate_hz,
-                num_samples: count,
-                window_start_s: values.number("window_start"),
-                shape,
-            }
-        }
-        _ => {
-            let band = Band {
-                start_hz: values.number("start"),
-                step_hz: values.number("step"),
-                count,
-            };
-            match (values.optional_number("step_time"), values.text("motion")) {
-                (Some(step_s), _) => Waveform::Stepped {
-                    band,
-                    step_s,
-                    dwell_s: step_s,
-                },
-                (None, "true") => {
-                    let what = "with motion = \"true\", give 'step_time' too: when a frequency's sample was taken";
-                    return Err(values.fault("motion", what));
-                }
-                (None, _) => Waveform::Ideal { band },
-            }
-        }
+fn pulsed(radar: &RadarKeys, keys: &WaveformKeysPulsed, count: usize) -> Result<Waveform, Fault> {
+    let shape = keys.pulse.shape(keys.sample_rate_hz)?;
+    // No echo of a longer pulse is recorded completely, and the computation would take as long as the pulse.
+    let recorded_s = count as f64 / keys.sample_rate_hz;
+    if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
+        let key = match &keys.pulse.kind {
+            ShapeKeys::Lfm(lfm) => &lfm.duration_s,
+            ShapeKeys::Code(code) => &code.chip_s,
+        };
+        return Err(key.fault(format!(
+            "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten it, or check [radar] sample_rate",
+            shape.duration_s() * 1e6,
+            recorded_s * 1e6
+        )));
+    }
+    let centre = radar.centre_hz.as_ref().ok_or_else(|| {
+        let what = "the echoes are complex: give 'centre', the frequency that 0 Hz corresponds to";
+        radar.kind.fault(what)
+    })?;
+    Ok(Waveform::Pulsed {
+        centre_hz: **centre,
+        sample_rate_hz: keys.sample_rate_hz,
+        num_samples: count,
+        window_start_s: keys.window_start_s,
+        shape,
     })
+}
+
+fn stepped(radar: &RadarKeys, keys: &WaveformKeysStepped, count: usize) -> Result<Waveform, Fault> {
+    let band = Band {
+        start_hz: keys.start_hz,
+        step_hz: keys.step_hz,
+        count,
+    };
+    match (radar.step_time_s, *keys.motion) {
+        (Some(step_s), _) => Ok(Waveform::Stepped {
+            band,
+            step_s,
+            dwell_s: step_s,
+        }),
+        (None, IntraPulse::True) => Err(keys.motion.fault(
+            "with motion = \"true\", give 'step_time' too: when a frequency's sample was taken",
+        )),
+        (None, IntraPulse::StopAndGo) => Ok(Waveform::Ideal { band }),
+    }
 }
 
 /// Range at the middle of the samples' unambiguous extent, bias included, metres.
@@ -396,56 +402,52 @@ fn middle_of_window_m(waveform: &Waveform, held: f64) -> f64 {
     0.5 * SPEED_OF_LIGHT_M_S * delay_s
 }
 
-/// Ranges of the bins of profiles, and the band that is kept.
-fn profiles(
-    values: &Values,
+/// Ranges of the bins of profiles.
+fn profile_axis(
+    radar: &RadarKeys,
     source: &Source,
     samples: &Samples,
-) -> Result<(ProfileAxis, (f64, f64)), Fault> {
-    let centre_hz = values.optional_number("centre");
-    match (samples.real, centre_hz) {
-        (true, Some(_)) => {
-            return Err(values.fault("centre", "the profiles are real waveforms: remove this key"));
+) -> Result<ProfileAxis, Fault> {
+    match (samples.real, &radar.centre_hz) {
+        (true, Some(centre)) => {
+            return Err(centre.fault("the profiles are real waveforms: remove this key"));
         }
         (false, None) => {
-            return Err(values.fault(
-                "kind",
+            return Err(radar.kind.fault(
                 "the profiles are complex: give 'centre', the frequency that 0 Hz corresponds to",
             ));
         }
         _ => {}
     }
-    let first_range_m = values.optional_number("first_range");
-    let steps = (first_range_m, values.optional_number("range_step"));
-    let (first_range_m, range_step_m) = match (values.optional_text("ranges"), steps) {
+    let steps = (radar.first_range_m, radar.range_step_m);
+    let (first_range_m, range_step_m) = match (&radar.ranges, steps) {
         (None, (Some(first), Some(step))) => (first, step),
-        (Some(_), (None, None)) => even_ranges(values, source, samples.num_samples)?,
-        _ => {
-            return Err(values.fault(
-                "ranges",
+        (Some(ranges), (None, None)) => even_ranges(ranges, source, samples.num_samples)?,
+        (ranges, _) => {
+            return Err(Fault::new(
+                ranges.as_ref().map_or(&radar.header, Located::at),
                 "give either 'ranges', an array, or both 'first_range' and 'range_step'",
             ));
         }
     };
-    let axis = ProfileAxis {
+    Ok(ProfileAxis {
         first_range_m,
         range_step_m,
         num_bins: samples.num_samples,
-        centre_hz,
-    };
-    Ok((axis, values.interval("band")))
+        centre_hz: radar.centre_hz.as_deref().copied(),
+    })
 }
 
 /// First range and step of an array of ranges, which must be equally spaced within a thousandth of the step.
-fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Fault> {
-    let ranges = source.vector(values, "ranges")?;
+fn even_ranges(key: &Located<String>, source: &Source, count: usize) -> Result<(f64, f64), Fault> {
+    let ranges = source.vector(key)?;
     if ranges.len() != count || count < 2 {
         let what = format!(
             "holds {} ranges for {count} bins: check the array, and [recording] layout, which says what rows and \
              columns of the samples are",
             ranges.len()
         );
-        return Err(values.fault("ranges", what));
+        return Err(key.fault(what));
     }
     let step = (ranges[count - 1] - ranges[0]) / (count - 1) as f64;
     let uneven = ranges
@@ -453,11 +455,10 @@ fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f
         .enumerate()
         .find(|(i, range)| (*range - ranges[0] - *i as f64 * step).abs() > 1e-3 * step.abs());
     match uneven {
-        Some((i, range)) => Err(values.fault(
-            "ranges",
-            format!("bin {i} at {range} m is not equally spaced: resample the profiles"),
-        )),
+        Some((i, range)) => Err(key.fault(format!(
+            "bin {i} at {range} m is not equally spaced: resample the profiles"
+        ))),
         None if step > 0.0 => Ok((ranges[0], step)),
-        None => Err(values.fault("ranges", "expected ascending ranges")),
+        None => Err(key.fault("expected ascending ranges")),
     }
 }

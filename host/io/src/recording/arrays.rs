@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::files::expand;
+use super::keys::{FormatKeys, RecordingKeys};
 use crate::input::{Stamp, open_file};
 use crate::npy::Array;
+use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
-use subaperture_describe::values::Values;
 use subaperture_model::phase_history::{InputFile, ReadError};
 
 type Name = (PathBuf, Option<String>);
@@ -83,7 +84,7 @@ pub(super) struct Source<'a> {
     pub(super) arrays: &'a Arrays,
     pub(super) folder: &'a Path,
     /// `[recording]`.
-    pub(super) recording: &'a Values,
+    pub(super) recording: &'a RecordingKeys,
     pub(super) memory_bytes: u64,
 }
 
@@ -96,15 +97,20 @@ impl Source<'_> {
     /// Files of the samples, at least one.
     pub(super) fn files(&self) -> Result<Vec<PathBuf>, Fault> {
         let mut files = Vec::new();
-        for text in self.recording.texts("file") {
-            let names = expand(text).map_err(|what| self.recording.fault("file", what))?;
+        let file = &self.recording.file;
+        for text in file.iter() {
+            let names = expand(text).map_err(|what| file.fault(what))?;
             files.extend(names.iter().map(|name| self.folder.join(name)));
         }
-        if files.len() > 1 && self.recording.text("format") == "npz" {
+        if files.len() > 1 && self.is_archive() {
             let what = "expected one archive file: give one, or format = \"npy\"";
-            return Err(self.recording.fault("file", what));
+            return Err(file.fault(what));
         }
         Ok(files)
+    }
+
+    fn is_archive(&self) -> bool {
+        matches!(self.recording.format, FormatKeys::Npz { .. })
     }
 
     /// The first file of the samples.
@@ -115,21 +121,20 @@ impl Source<'_> {
             .unwrap_or_default()
     }
 
-    /// The array named by a key of `values`: a path that ends in `.npy`, or an array of the samples' archive.
-    pub(super) fn array(&self, values: &Values, key: &str) -> Result<Arc<Array>, Fault> {
-        let text = values.text(key);
+    /// The array of this name: a path that ends in `.npy`, or an array of the samples' archive.
+    pub(super) fn array(&self, key: &Located<String>) -> Result<Arc<Array>, Fault> {
+        let text = &**key;
         let name = if Path::new(text).extension().is_some_and(|e| e == "npy") {
             (self.folder.join(text), None)
-        } else if self.recording.text("format") == "npz" {
+        } else if self.is_archive() {
             (self.file(), Some(text.to_owned()))
         } else {
-            return Err(values.fault(
-                key,
+            return Err(key.fault(
                 "the samples are not in an archive: give the path of a .npy file, or use \
                  format = \"npz\"",
             ));
         };
-        self.hold(name).map_err(|what| values.fault(key, what))
+        self.hold(name).map_err(|what| key.fault(what))
     }
 
     /// A `.npy` file or an array of an archive.
@@ -140,28 +145,25 @@ impl Source<'_> {
             })
     }
 
-    /// A vector of finite real numbers named by a key.
-    pub(super) fn vector(&self, values: &Values, key: &str) -> Result<Vec<f64>, Fault> {
-        let array = self.array(values, key)?;
+    /// A vector of finite real numbers of this name.
+    pub(super) fn vector(&self, key: &Located<String>) -> Result<Vec<f64>, Fault> {
+        let array = self.array(key)?;
         let real = array
             .real()
             .filter(|real| array.shape.len() == 1 && !real.is_empty());
         let Some(real) = real else {
-            return Err(values.fault(
-                key,
-                format!(
-                    "expected a row of real numbers, found shape {:?}, {}",
-                    array.shape,
-                    match array.real() {
-                        Some(_) => "real",
-                        None => "complex",
-                    }
-                ),
-            ));
+            return Err(key.fault(format!(
+                "expected a row of real numbers, found shape {:?}, {}",
+                array.shape,
+                match array.real() {
+                    Some(_) => "real",
+                    None => "complex",
+                }
+            )));
         };
         match real.iter().position(|x| !x.is_finite()) {
             None => Ok(real.to_vec()),
-            Some(i) => Err(values.fault(key, format!("value {i} is {}", real[i]))),
+            Some(i) => Err(key.fault(format!("value {i} is {}", real[i]))),
         }
     }
 }

@@ -1,586 +1,411 @@
-//! The table of keys of a recording's description.
+//! Sections of a recording's description.
 
-use subaperture_describe::keys::motion::{
-    AT, BEARING, CENTRE, POINTS, POSITION, TRACK_FILE, TRACK_RECORD, TRACK_SKIP_DAMAGED, TURN,
-    VELOCITY,
-};
-use subaperture_describe::keys::place;
-use subaperture_describe::keys::radar::{
-    AZIMUTH, BORESIGHT, ELEVATION, NAME, OFFSET, PATTERN, PULSE, UP,
-};
-use subaperture_describe::schema::{
-    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
-};
-use subaperture_model::units::Dimension;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use glam::DVec3;
+use subaperture_describe::declare::{Choice, Located, section};
+use subaperture_describe::error::Location;
+use subaperture_describe::place::OriginKeys;
+use subaperture_describe::radar::{BeamKeys, IntraPulse, MountKeys, PulseKeys};
+use subaperture_describe::schema::Schema;
+use subaperture_describe::track::{At, LogKeys, TurnKeys};
 
 /// Keys of a recording's description.
-pub(super) static SCHEMA: Schema = Schema {
-    sections: &[
-        &TOP,
-        &RECORDING,
-        &SCENE,
-        &ORIGIN,
-        &RADAR,
-        &PULSE,
-        &TRANSMITTER,
-        &RECEIVER,
-        &PLATFORM,
-    ],
-    introduction: "The description of a recording is TOML. An ARRAY is named as in the .npz that holds the samples, or is \
-                   the path of a .npy file.",
-};
+pub(super) static SCHEMA: LazyLock<Schema> = LazyLock::new(|| {
+    Schema::of::<RecordingDescription>(
+        "The description of a recording is TOML. An ARRAY is named as in the .npz that holds the samples, or is the path of a .npy file.",
+    )
+});
 
-static TOP: Section = Section {
-    path: "",
-    presence: Presence::Always,
-    when: &[],
-    selector: "",
-    doc: "",
-    keys: &[Key::new(
-        "name",
-        ValueType::Text,
-        Requirement::Optional("\"yard\""),
-        "Name for titles and reports. Default: the file name.",
-    )],
-};
+/// Description of a recording.
+#[section]
+pub(super) struct RecordingDescription {
+    /// Name for titles and reports. Default: the file name.
+    #[key(example = "yard")]
+    pub(super) name: Option<String>,
+    #[section]
+    pub(super) recording: RecordingKeys,
+    #[section]
+    pub(super) scene: SceneKeys,
+    #[section]
+    pub(super) radar: RadarKeys,
+    #[section]
+    pub(super) platform: PlatformKeys,
+}
 
-const PHASE: Key = Key::new(
-    "phase",
-    ValueType::Quantity(Dimension::Angle, Bounds::Any),
-    Requirement::Default("\"0 deg\""),
-    "Phase error of the antenna, exp(+j phase) after [recording] phase. It is removed.",
-);
-const LEVEL: Key = Key::new(
-    "level",
-    ValueType::Quantity(
-        Dimension::Level,
-        Bounds::Within(-300.0, 300.0, "-300 to 300 dB"),
-    ),
-    Requirement::Default("\"0 dB\""),
-    "Gain error of the antenna. It is removed.",
-);
+/// Samples, and the pulses to use.
+#[section]
+pub(super) struct RecordingKeys {
+    /// File format: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or an array of a NumPy
+    /// archive.
+    #[key(required = "npz", select(Dca1000, Npy, Npz))]
+    pub(super) format: FormatKeys,
+    /// File of the samples. Pulses of several files follow one another.
+    #[key(required = "scan.npz")]
+    pub(super) file: Located<Vec<String>>,
+    /// Name of the samples' array in the archive.
+    #[key(required = "scan_data", when(Npz))]
+    pub(super) array: Located<String>,
+    /// Axes of the array: rows and columns.
+    #[key(default = "pulses-samples", when(Npy, Npz))]
+    pub(super) layout: Layout,
+    /// Order of the numbers: two I then two Q (two LVDS lanes, xWR16xx and xWR18xx); I and Q alternating; or real samples of kind = "fmcw".
+    /// Default: the one of the first two with the clearly sharper image, otherwise iiqq, with a warning.
+    #[key(example = "iiqq", when(Dca1000))]
+    pub(super) order: Option<Order>,
+    /// Samples per sweep.
+    #[key(required = 256, whole(2, 1 << 24), when(Dca1000))]
+    pub(super) samples: Located<usize>,
+    /// Number of receivers, one after another in each sweep; in an array, as rows or as a middle axis.
+    #[key(default = 1, whole(1, 64))]
+    pub(super) receivers: Located<usize>,
+    /// Number of the receiver to use, from 1. Default: all that have a section [[radar.receiver]], in its order, otherwise the first.
+    #[key(example = 1, whole(1, 64))]
+    pub(super) receiver: Option<Located<usize>>,
+    /// Number of transmitters that alternate sweep by sweep. A pulse, here and in all counts, is one sweep of each of them.
+    #[key(default = 1, whole(1, 64))]
+    pub(super) transmitters: Located<usize>,
+    /// Number of the transmitter to use, from 1. Default: all that have a section [[radar.transmitter]], in its order, otherwise the first.
+    #[key(example = 1, whole(1, 64))]
+    pub(super) transmitter: Option<Located<usize>>,
+    /// Number of sweeps of each transmitter that are averaged into one pulse.
+    #[key(default = 1, whole(1, 1 << 20))]
+    pub(super) average: Located<usize>,
+    /// Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). For rising sweeps with a positive beat it
+    /// is plus. Real samples have both. Default: the sign with the clearly sharper image; if neither is sharper, the recording is refused.
+    #[key(example = "minus")]
+    pub(super) phase: Option<Sign>,
+    /// Excess of the recorded ranges, from delays in cables and filters.
+    #[key(default = "0 m")]
+    pub(super) range_bias_m: f64,
+    /// ARRAY of the pulse times. Give either this or [radar] pri or prf.
+    #[key(example = "scan_timestamps_ms")]
+    pub(super) times: Option<Located<String>>,
+    /// Unit of times.
+    #[key(default = "s")]
+    pub(super) times_unit: TimeUnit,
+    /// First pulse to use, from 0.
+    #[key(default = 0)]
+    pub(super) first: Located<usize>,
+    /// Number of pulses to use. Default: all.
+    #[key(example = 400, positive)]
+    pub(super) count: Option<Located<usize>>,
+    /// Use every n-th pulse of these.
+    #[key(default = 1, positive)]
+    pub(super) every: usize,
+    /// Leave out pulses while the platform stands still.
+    #[key(default = "all")]
+    pub(super) pulses: Located<PulsesUsed>,
+    /// Minimum speed of a moving platform, averaged over 0.1 s.
+    #[key(default = "2 cm/s", positive)]
+    pub(super) moving_above_m_s: f64,
+    /// Background subtraction (static clutter): subtract the mean of the pulses used, or of those during which the platform moves.
+    #[key(default = "keep")]
+    pub(super) background: Located<Background>,
+    /// First pulse of the mean, from 0 in the recording.
+    #[key(default = 0)]
+    pub(super) background_first: u64,
+    /// Number of pulses of the mean. Default: all.
+    #[key(example = 100, whole(2, u64::MAX))]
+    pub(super) background_count: Option<u64>,
+}
 
-static TRANSMITTER: Section = Section {
-    path: "radar.transmitter",
-    presence: Presence::Many,
-    when: &[],
-    selector: "pattern",
-    doc: "An antenna that transmits. Several are those that take turns, in their order. One at the body's origin if \
-          there is none. Its pattern and boresight say which pulses see a place.",
-    keys: &[
-        NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
-    ],
-};
+impl RecordingKeys {
+    /// Number of sweeps in a pulse.
+    pub(super) fn sweeps_a_pulse(&self) -> usize {
+        self.transmitters.saturating_mul(*self.average)
+    }
 
-static RECEIVER: Section = Section {
-    path: "radar.receiver",
-    presence: Presence::Many,
-    when: &[],
-    selector: "pattern",
-    doc: "An antenna that receives. Several are those recorded, in their order. One at the body's origin if there is \
-          none. Its pattern and boresight say which pulses see a place.",
-    keys: &[
-        NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
-    ],
-};
+    /// Whether the recording has an order of I and Q that its description omits.
+    pub(super) fn order_is_unstated(&self) -> bool {
+        matches!(self.format, FormatKeys::Dca1000 { .. }) && self.order.is_none()
+    }
+}
 
-const UNITS_OF_TIME: &[&str] = &["s", "ms", "us", "ns"];
+#[derive(Clone, Copy, PartialEq, Eq, Choice)]
+pub(super) enum Layout {
+    PulsesSamples,
+    SamplesPulses,
+}
 
-static RECORDING: Section = Section {
-    path: "recording",
-    presence: Presence::Always,
-    when: &[],
-    selector: "format",
-    doc: "Samples, and the pulses to use.",
-    keys: &[
-        Key::new(
-            "format",
-            ValueType::Choice(&["dca1000", "npy", "npz"]),
-            Requirement::Required("\"npz\""),
-            "File format: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or \
-             an array of a NumPy archive.",
-        ),
-        Key::new(
-            "file",
-            ValueType::Paths,
-            Requirement::Required("\"scan.npz\""),
-            "File of the samples. Pulses of several files follow one another.",
-        ),
-        Key::new(
-            "array",
-            ValueType::Text,
-            Requirement::Required("\"scan_data\""),
-            "Name of the samples' array in the archive.",
-        )
-        .when(&["npz"]),
-        Key::new(
-            "layout",
-            ValueType::Choice(&["pulses-samples", "samples-pulses"]),
-            Requirement::Default("\"pulses-samples\""),
-            "Axes of the array: rows and columns.",
-        )
-        .when(&["npy", "npz"]),
-        Key::new(
-            "order",
-            ValueType::Choice(&["iiqq", "iqiq", "real"]),
-            Requirement::Optional("\"iiqq\""),
-            "Order of the numbers: two I then two Q (two LVDS lanes, xWR16xx and xWR18xx); I and Q alternating; or real samples of \
-             kind = \"fmcw\". Default: the one of the first two with the clearly sharper image, otherwise \
-             iiqq, with a warning.",
-        )
-        .when(&["dca1000"]),
-        Key::new(
-            "samples",
-            ValueType::Count(2, 1 << 24),
-            Requirement::Required("256"),
-            "Samples per sweep.",
-        )
-        .when(&["dca1000"]),
-        Key::new(
-            "receivers",
-            ValueType::Count(1, 64),
-            Requirement::Default("1"),
-            "Number of receivers, one after another in each sweep; in an array, as rows or as a middle axis.",
-        ),
-        Key::new(
-            "receiver",
-            ValueType::Count(1, 64),
-            Requirement::Optional("1"),
-            "Number of the receiver to use, from 1. Default: all that have a section [[radar.receiver]], in its \
-             order, otherwise the first.",
-        ),
-        Key::new(
-            "transmitters",
-            ValueType::Count(1, 64),
-            Requirement::Default("1"),
-            "Number of transmitters that alternate sweep by sweep. A pulse, here and in all counts, is one sweep of each of them.",
-        ),
-        Key::new(
-            "transmitter",
-            ValueType::Count(1, 64),
-            Requirement::Optional("1"),
-            "Number of the transmitter to use, from 1. Default: all that have a section [[radar.transmitter]], in \
-             its order, otherwise the first.",
-        ),
-        Key::new(
-            "average",
-            ValueType::Count(1, 1 << 20),
-            Requirement::Default("1"),
-            "Number of sweeps of each transmitter that are averaged into one pulse.",
-        ),
-        Key::new(
-            "phase",
-            ValueType::Choice(&["minus", "plus"]),
-            Requirement::Optional("\"minus\""),
-            "Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). For \
-             rising sweeps with a positive beat it is plus. Real samples have both. Default: the sign with the clearly \
-             sharper image; if neither is sharper, the recording is refused.",
-        ),
-        Key::new(
-            "range_bias",
-            ValueType::Quantity(Dimension::Length, Bounds::Any),
-            Requirement::Default("\"0 m\""),
-            "Excess of the recorded ranges, from delays in cables and filters.",
-        ),
-        Key::new(
-            "times",
-            ValueType::Text,
-            Requirement::Optional("\"scan_timestamps_ms\""),
-            "ARRAY of the pulse times. Give either this or [radar] pri or prf.",
-        ),
-        Key::new(
-            "times_unit",
-            ValueType::Choice(UNITS_OF_TIME),
-            Requirement::Default("\"s\""),
-            "Unit of times.",
-        ),
-        Key::new(
-            "first",
-            ValueType::Count(0, u64::MAX),
-            Requirement::Default("0"),
-            "First pulse to use, from 0.",
-        ),
-        Key::new(
-            "count",
-            ValueType::Count(1, u64::MAX),
-            Requirement::Optional("400"),
-            "Number of pulses to use. Default: all.",
-        ),
-        Key::new(
-            "every",
-            ValueType::Count(1, u64::MAX),
-            Requirement::Default("1"),
-            "Use every n-th pulse of these.",
-        ),
-        Key::new(
-            "pulses",
-            ValueType::Choice(&["all", "moving"]),
-            Requirement::Default("\"all\""),
-            "Leave out pulses while the platform stands still.",
-        ),
-        Key::new(
-            "moving_above",
-            ValueType::Quantity(Dimension::Speed, Bounds::Positive),
-            Requirement::Default("\"2 cm/s\""),
-            "Minimum speed of a moving platform, averaged over 0.1 s.",
-        ),
-        Key::new(
-            "background",
-            ValueType::Choice(&["keep", "mean", "mean-moving"]),
-            Requirement::Default("\"keep\""),
-            "Background subtraction (static clutter): subtract the mean of the pulses used, or of \
-             those during which the platform moves.",
-        ),
-        Key::new(
-            "background_first",
-            ValueType::Count(0, u64::MAX),
-            Requirement::Default("0"),
-            "First pulse of the mean, from 0 in the recording.",
-        ),
-        Key::new(
-            "background_count",
-            ValueType::Count(2, u64::MAX),
-            Requirement::Optional("100"),
-            "Number of pulses of the mean. Default: all.",
-        ),
-    ],
-};
+/// Order of the numbers in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub(super) enum Order {
+    /// Two I, two Q.
+    Iiqq,
+    /// I and Q alternating.
+    Iqiq,
+    /// Real numbers only.
+    Real,
+}
 
-static SCENE: Section = Section {
-    path: "scene",
-    presence: Presence::Always,
-    when: &[],
-    selector: "",
-    doc: "Scene.",
-    keys: &[
-        Key::new(
-            "reference",
-            ValueType::Vector(Dimension::Length),
-            Requirement::Optional("\"0, 5, 0 m\""),
-            "Reference point of the phases. If neither this nor reference_range is given, phases are \
-             referred to the middle of the unambiguous ranges.",
-        ),
-        Key::new(
-            "reference_range",
-            ValueType::Quantity(Dimension::Length, Bounds::Positive),
-            Requirement::Optional("\"5 m\""),
-            "Alternative to a reference point: the same range from the radar for all pulses.",
-        ),
-        Key::new(
-            "x",
-            ValueType::Interval(Dimension::Length),
-            Requirement::Optional("\"-4, 4 m\""),
-            "Extent of the scene in x, for default image grids. Give x and y, or neither.",
-        ),
-        Key::new(
-            "y",
-            ValueType::Interval(Dimension::Length),
-            Requirement::Optional("\"1, 9 m\""),
-            "Extent of the scene in y.",
-        ),
-    ],
-};
+#[derive(Clone, Copy, Choice)]
+pub(super) enum Sign {
+    Minus,
+    Plus,
+}
 
-static ORIGIN: Section = Section {
-    path: "scene.origin",
-    presence: Presence::Optional,
-    when: &[],
-    selector: "",
-    doc: "Where on Earth (WGS 84) the scene's origin is; x points east, y north, z up. If left out, axes are \
-          local.",
-    keys: place::ORIGIN.keys,
-};
+#[derive(Clone, Copy, Choice)]
+pub(super) enum TimeUnit {
+    S,
+    Ms,
+    Us,
+    Ns,
+}
 
-static RADAR: Section = Section {
-    path: "radar",
-    presence: Presence::Always,
-    when: &[],
-    selector: "kind",
-    doc: "Radar and its waveform.",
-    keys: &[
-        Key::new(
-            "kind",
-            ValueType::Choice(&["fmcw", "pulsed", "stepped", "profiles"]),
-            Requirement::Required("\"fmcw\""),
-            "Waveform: beats of linear sweeps; echoes of a known pulse before any matched filter; a complex number for \
-             each of ascending frequencies; or range profiles, real waveforms or complex.",
-        ),
-        Key::new(
-            "pri",
-            ValueType::Quantity(Dimension::Time, Bounds::Positive),
-            Requirement::Optional("\"1 ms\""),
-            "Pulse repetition interval. Default, without prf and times: 1 s.",
-        ),
-        Key::new(
-            "prf",
-            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
-            Requirement::Optional("\"1 kHz\""),
-            "Pulse repetition frequency.",
-        ),
-        Key::new(
-            "first_pulse",
-            ValueType::Quantity(Dimension::Time, Bounds::Any),
-            Requirement::Optional("\"9.22 s\""),
-            "Time of the recording's first pulse on the platform's clock. Default: the first of times, or 0.",
-        ),
-        Key::new(
-            "transmitter_interval",
-            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
-            Requirement::Optional("\"50 us\""),
-            "Time from a transmitter's sweep to the next one's within a pulse. Default: an equal part of the time from \
-             pulse to pulse, or 0 where sweeps are averaged while the radar stands still.",
-        ),
-        Key::new(
-            "start",
-            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
-            Requirement::Required("\"77 GHz\""),
-            "Frequency of the first sample.",
-        )
-        .when(&["fmcw", "stepped"]),
-        Key::new(
-            "slope",
-            ValueType::Quantity(Dimension::SweepRate, Bounds::Any),
-            Requirement::Required("\"40 MHz/us\""),
-            "Sweep rate; negative for falling sweeps.",
-        )
-        .when(&["fmcw"]),
-        Key::new(
-            "step",
-            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
-            Requirement::Required("\"4 MHz\""),
-            "Frequency step.",
-        )
-        .when(&["stepped"]),
-        Key::new(
-            "step_time",
-            ValueType::Quantity(Dimension::Time, Bounds::Positive),
-            Requirement::Optional("\"2 us\""),
-            "Time from frequency to frequency. Needed if the radar moves meanwhile.",
-        )
-        .when(&["stepped"]),
-        Key::new(
-            "motion",
-            ValueType::Choice(&["stop-and-go", "true"]),
-            Requirement::Default("\"stop-and-go\""),
-            "Whether the radar moves during a sweep. A pulse's time is then that of its middle sample, \
-             number samples / 2 from 0, and the track must be accurate at that scale.",
-        )
-        .when(&["fmcw", "stepped"]),
-        Key::new(
-            "sample_rate",
-            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
-            Requirement::Required("\"2.5 MHz\""),
-            "Sampling rate of complex samples.",
-        )
-        .when(&["fmcw", "pulsed"]),
-        Key::new(
-            "mixer_delay",
-            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
-            Requirement::Default("\"0 s\""),
-            "Delay of the copy that the echo is mixed with; 0 for a plain homodyne radar.",
-        )
-        .when(&["fmcw"]),
-        Key::new(
-            "window_start",
-            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
-            Requirement::Required("\"38.7 us\""),
-            "Delay of sample 0 after the pulse's start.",
-        )
-        .when(&["pulsed"]),
-        Key::new(
-            "centre",
-            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
-            Requirement::Optional("\"10 GHz\""),
-            "Frequency that 0 Hz of the samples corresponds to. Required for complex samples; not permitted for real waveforms.",
-        )
-        .when(&["pulsed", "profiles"]),
-        Key::new(
-            "band",
-            ValueType::Interval(Dimension::Frequency),
-            Requirement::Required("\"3.1, 4.8 GHz\""),
-            "Frequencies kept from the spectrum of the profiles.",
-        )
-        .when(&["profiles"]),
-        Key::new(
-            "ranges",
-            ValueType::Text,
-            Requirement::Optional("\"range_bins_m\""),
-            "ARRAY of the bins' ranges in metres, evenly spaced. Give either this or first_range and range_step.",
-        )
-        .when(&["profiles"]),
-        Key::new(
-            "first_range",
-            ValueType::Quantity(Dimension::Length, Bounds::Any),
-            Requirement::Optional("\"2 m\""),
-            "Range of the first bin.",
-        )
-        .when(&["profiles"]),
-        Key::new(
-            "range_step",
-            ValueType::Quantity(Dimension::Length, Bounds::Positive),
-            Requirement::Optional("\"9.15 mm\""),
-            "Range bin spacing.",
-        )
-        .when(&["profiles"]),
-    ],
-};
+impl TimeUnit {
+    /// Seconds per unit.
+    pub(super) fn seconds(self) -> f64 {
+        match self {
+            Self::S => 1.0,
+            Self::Ms => 1e-3,
+            Self::Us => 1e-6,
+            Self::Ns => 1e-9,
+        }
+    }
+}
 
-static PLATFORM: Section = Section {
-    path: "platform",
-    presence: Presence::Always,
-    when: &[],
-    selector: "kind",
-    doc: "Motion of the radar. By default its heading is along the velocity; a fixed radar has the scene's \
-          axes, and the x axis of a swinging arm is along the arm.",
-    keys: &[
-        Key::new(
-            "kind",
-            ValueType::Choice(&[
-                "arc", "rail", "linear", "circular", "waypoints", "spline", "csv", "motive", "novatel", "arrays",
-                "fixed",
-            ]),
-            Requirement::Required("\"arc\""),
-            "A swinging arm, a carriage on a rail, a straight line, a level circle, points passed at given \
-             times (straight or smooth), a recorded track, or a fixed position.",
-        ),
-        Key::new(
-            "pivot",
-            ValueType::Vector(Dimension::Length),
-            Requirement::Required("\"0, 0, 0 m\""),
-            "Pivot of the arm, at the antenna's height.",
+#[derive(Clone, Copy, PartialEq, Eq, Choice)]
+pub(super) enum PulsesUsed {
+    All,
+    Moving,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Choice)]
+pub(super) enum Background {
+    Keep,
+    Mean,
+    MeanMoving,
+}
+
+/// Scene.
+#[section]
+pub(super) struct SceneKeys {
+    /// Reference point of the phases. If neither this nor reference_range is given, phases are referred to the middle of the unambiguous
+    /// ranges.
+    #[key(example = "0, 5, 0 m")]
+    pub(super) reference_m: Option<DVec3>,
+    /// Alternative to a reference point: the same range from the radar for all pulses.
+    #[key(example = "5 m", positive)]
+    pub(super) reference_range_m: Option<Located<f64>>,
+    /// Extent of the scene in x, for default image grids. Give x and y, or neither.
+    #[key(example = "-4, 4 m")]
+    pub(super) x_m: Option<Located<(f64, f64)>>,
+    /// Extent of the scene in y.
+    #[key(example = "1, 9 m")]
+    pub(super) y_m: Option<Located<(f64, f64)>>,
+    /// Where on Earth (WGS 84) the scene's origin is; x points east, y north, z up. If left out, axes are local.
+    #[section]
+    pub(super) origin: Option<OriginKeys>,
+}
+
+/// Radar and its waveform.
+#[section]
+pub(super) struct RadarKeys {
+    #[at]
+    pub(super) header: Location,
+    /// Waveform: beats of linear sweeps; echoes of a known pulse before any matched filter; a complex number for each of ascending
+    /// frequencies; or range profiles, real waveforms or complex.
+    #[key(required = "fmcw", select(Fmcw, Pulsed, Stepped, Profiles))]
+    pub(super) kind: Located<WaveformKeys>,
+    /// Pulse repetition interval. Default, without prf and times: 1 s.
+    #[key(example = "1 ms", positive)]
+    pub(super) pri_s: Located<Option<f64>>,
+    /// Pulse repetition frequency.
+    #[key(example = "1 kHz", positive)]
+    pub(super) prf_hz: Located<Option<f64>>,
+    /// Time of the recording's first pulse on the platform's clock. Default: the first of times, or 0.
+    #[key(example = "9.22 s")]
+    pub(super) first_pulse_s: Option<f64>,
+    /// Time from a transmitter's sweep to the next one's within a pulse. Default: an equal part of the time from pulse to pulse, or 0 where
+    /// sweeps are averaged while the radar stands still.
+    #[key(example = "50 us", not_negative)]
+    pub(super) transmitter_interval_s: Option<f64>,
+    /// Frequency of the first sample.
+    #[key(required = "77 GHz", positive, when(Fmcw, Stepped))]
+    pub(super) start_hz: f64,
+    /// Sweep rate; negative for falling sweeps.
+    #[key(required = "40 MHz/us", when(Fmcw))]
+    pub(super) slope_hz_s: f64,
+    /// Frequency step.
+    #[key(required = "4 MHz", positive, when(Stepped))]
+    pub(super) step_hz: f64,
+    /// Time from frequency to frequency. Needed if the radar moves meanwhile.
+    #[key(example = "2 us", positive, when(Stepped))]
+    pub(super) step_time_s: Option<f64>,
+    /// Whether the radar moves during a sweep. A pulse's time is then that of its middle sample, number samples / 2 from 0, and the track
+    /// must be accurate at that scale.
+    #[key(default = "stop-and-go", when(Fmcw, Stepped))]
+    pub(super) motion: Located<IntraPulse>,
+    /// Sampling rate of complex samples.
+    #[key(required = "2.5 MHz", positive, when(Fmcw, Pulsed))]
+    pub(super) sample_rate_hz: f64,
+    /// Delay of the copy that the echo is mixed with; 0 for a plain homodyne radar.
+    #[key(default = "0 s", not_negative, when(Fmcw))]
+    pub(super) mixer_delay_s: f64,
+    /// Delay of sample 0 after the pulse's start.
+    #[key(required = "38.7 us", not_negative, when(Pulsed))]
+    pub(super) window_start_s: f64,
+    /// Frequency that 0 Hz of the samples corresponds to. Required for complex samples; not permitted for real waveforms.
+    #[key(example = "10 GHz", positive, when(Pulsed, Profiles))]
+    pub(super) centre_hz: Option<Located<f64>>,
+    /// Frequencies kept from the spectrum of the profiles.
+    #[key(required = "3.1, 4.8 GHz", when(Profiles))]
+    pub(super) band_hz: Located<(f64, f64)>,
+    /// ARRAY of the bins' ranges in metres, evenly spaced. Give either this or first_range and range_step.
+    #[key(example = "range_bins_m", when(Profiles))]
+    pub(super) ranges: Option<Located<String>>,
+    /// Range of the first bin.
+    #[key(example = "2 m", when(Profiles))]
+    pub(super) first_range_m: Option<f64>,
+    /// Range bin spacing.
+    #[key(example = "9.15 mm", positive, when(Profiles))]
+    pub(super) range_step_m: Option<f64>,
+    /// Shape of the pulse.
+    #[section(when(Pulsed))]
+    pub(super) pulse: PulseKeys,
+    /// An antenna that transmits. Several are those that take turns, in their order. One at the body's origin if there is none. Its pattern
+    /// and boresight say which pulses see a place.
+    #[section]
+    pub(super) transmitter: Vec<AntennaKeys>,
+    /// An antenna that receives. Several are those recorded, in their order. One at the body's origin if there is none. Its pattern and
+    /// boresight say which pulses see a place.
+    #[section]
+    pub(super) receiver: Vec<AntennaKeys>,
+}
+
+#[section]
+pub(super) struct AntennaKeys {
+    #[at]
+    pub(super) header: Location,
+    #[keys]
+    pub(super) mount: MountKeys,
+    /// Phase error of the antenna, exp(+j phase) after [recording] phase. It is removed.
+    #[key(default = "0 deg")]
+    pub(super) phase_rad: f64,
+    /// Gain error of the antenna. It is removed.
+    #[key(default = "0 dB", within(-300.0, 300.0, "-300 to 300 dB"))]
+    pub(super) level_db: f64,
+    #[keys]
+    pub(super) beam: BeamKeys,
+}
+
+/// Motion of the radar. By default its heading is along the velocity; a fixed radar has the scene's axes, and the x axis of a swinging arm
+/// is along the arm.
+#[section]
+pub(super) struct PlatformKeys {
+    #[at]
+    pub(super) header: Location,
+    /// A swinging arm, a carriage on a rail, a straight line, a level circle, points passed at given times (straight or smooth), a recorded
+    /// track, or a fixed position.
+    #[key(
+        required = "arc",
+        select(
+            Arc, Rail, Linear, Circular, Waypoints, Spline, Csv, Motive, Novatel, Arrays, Fixed
         )
-        .when(&["arc"]),
-        CENTRE,
-        Key::new(
-            "radius",
-            ValueType::Quantity(Dimension::Length, Bounds::Positive),
-            Requirement::Required("\"20 cm\""),
-            "Length of the arm, radius of the circle.",
-        )
-        .when(&["arc", "circular"]),
-        Key::new(
-            "from_angle",
-            ValueType::Quantity(Dimension::Angle, Bounds::Any),
-            Requirement::Required("\"0 deg\""),
-            "Angle of the arm in the first pulse, from x towards y.",
-        )
-        .when(&["arc"]),
-        Key::new(
-            "to_angle",
-            ValueType::Quantity(Dimension::Angle, Bounds::Any),
-            Requirement::Required("\"180 deg\""),
-            "Angle at the other end of the swing.",
-        )
-        .when(&["arc"]),
-        Key::new(
-            "rate",
-            ValueType::Quantity(Dimension::AngularRate, Bounds::Positive),
-            Requirement::Optional("\"10 deg/s\""),
-            "Rate of the swing. Default: one swing over the recording.",
-        )
-        .when(&["arc"]),
-        Key::new(
-            "from",
-            ValueType::Vector(Dimension::Length),
-            Requirement::Required("\"-1, 0, 0 m\""),
-            "Start of the rail.",
-        )
-        .when(&["rail"]),
-        Key::new(
-            "to",
-            ValueType::Vector(Dimension::Length),
-            Requirement::Required("\"1, 0, 0 m\""),
-            "End of the rail.",
-        )
-        .when(&["rail"]),
-        Key::new(
-            "speed",
-            ValueType::Quantity(Dimension::Speed, Bounds::Positive),
-            Requirement::Optional("\"0.1 m/s\""),
-            "Speed along the rail or the circle. Default: the whole rail over the recording.",
-        )
-        .when(&["rail", "circular"]),
-        Key::new(
-            "spacing",
-            ValueType::Quantity(Dimension::Length, Bounds::Positive),
-            Requirement::Optional("\"1 mm\""),
-            "Alternative to a speed: distance from one pulse to the next.",
-        )
-        .when(&["rail"]),
-        Key::new(
-            "attitude",
-            ValueType::Vector(Dimension::Angle),
-            Requirement::Optional("\"0, 0, 0 deg\""),
-            "Constant roll, pitch and yaw; 0, 0, 0 aligns the body's axes with the scene's. Default: \
-             as recorded, otherwise along the velocity.",
-        )
-        .when(&["rail", "linear", "waypoints", "spline", "csv", "motive", "arrays", "fixed"]),
-        Key::new(
-            "start",
-            ValueType::Quantity(Dimension::Time, Bounds::Any),
-            Requirement::Optional("\"0 s\""),
-            "Start time. Default: that of the first pulse.",
-        )
-        .when(&["arc", "rail"]),
-        POSITION.when(&["linear", "fixed"]),
-        VELOCITY.when(&["linear"]),
-        AT.when(&["linear", "circular"]),
-        BEARING,
-        TURN,
-        POINTS.when(&["waypoints", "spline"]),
-        TRACK_FILE.when(&["csv", "motive", "novatel"]),
-        Key::new(
-            "body",
-            ValueType::Text,
-            Requirement::Optional("\"radar\""),
-            "Rigid body of the motion capture. Required if there are several.",
-        )
-        .when(&["motive"]),
-        Key::new(
-            "axes",
-            ValueType::Text,
-            Requirement::Optional("\"x, -z, y\""),
-            "The scene's x, y and z as axes of the track's file. Default: the same axes; for a motion \
-             capture, whose y is up, \"x, -z, y\".",
-        )
-        .when(&["csv", "motive", "arrays"]),
-        TRACK_RECORD.when(&["novatel"]),
-        TRACK_SKIP_DAMAGED.when(&["novatel"]),
-        Key::new(
-            "times",
-            ValueType::Text,
-            Requirement::Required("\"motion_timestamps_s\""),
-            "ARRAY of the times of the track, ascending.",
-        )
-        .when(&["arrays"]),
-        Key::new(
-            "times_unit",
-            ValueType::Choice(UNITS_OF_TIME),
-            Requirement::Default("\"s\""),
-            "Unit of times.",
-        )
-        .when(&["arrays"]),
-        Key::new(
-            "positions",
-            ValueType::Text,
-            Requirement::Required("\"platform_pos_m\""),
-            "ARRAY of the positions: x, y and z in a row for each time.",
-        )
-        .when(&["arrays"]),
-        Key::new(
-            "receiver_positions",
-            ValueType::Text,
-            Requirement::Optional("\"receiver_pos_m\""),
-            "ARRAY of the receiver positions at the same times, if it moves separately; positions are \
-             then the transmitter's.",
-        )
-        .when(&["arrays"]),
-        Key::new(
-            "positions_unit",
-            ValueType::Choice(&["m", "cm", "mm"]),
-            Requirement::Default("\"m\""),
-            "Unit of positions.",
-        )
-        .when(&["arrays"]),
-    ],
-};
+    )]
+    pub(super) kind: MotionKeys,
+    /// Pivot of the arm, at the antenna's height.
+    #[key(required = "0, 0, 0 m", when(Arc))]
+    pub(super) pivot_m: DVec3,
+    /// Centre of the circle, at the height of the track.
+    #[key(required = "0, 0, 3 km", when(Circular))]
+    pub(super) centre_m: DVec3,
+    /// Length of the arm, radius of the circle.
+    #[key(required = "20 cm", positive, when(Arc, Circular))]
+    pub(super) radius_m: f64,
+    /// Angle of the arm in the first pulse, from x towards y.
+    #[key(required = "0 deg", when(Arc))]
+    pub(super) from_angle_rad: f64,
+    /// Angle at the other end of the swing.
+    #[key(required = "180 deg", when(Arc))]
+    pub(super) to_angle_rad: f64,
+    /// Rate of the swing. Default: one swing over the recording.
+    #[key(example = "10 deg/s", positive, when(Arc))]
+    pub(super) rate_rad_s: Option<f64>,
+    /// Start of the rail.
+    #[key(required = "-1, 0, 0 m", when(Rail))]
+    pub(super) from_m: DVec3,
+    /// End of the rail.
+    #[key(required = "1, 0, 0 m", when(Rail))]
+    pub(super) to_m: Located<DVec3>,
+    /// Speed along the rail or the circle. Default: the whole rail over the recording.
+    #[key(example = "0.1 m/s", positive, when(Rail, Circular))]
+    pub(super) speed_m_s: Option<f64>,
+    /// Alternative to a speed: distance from one pulse to the next.
+    #[key(example = "1 mm", positive, when(Rail))]
+    pub(super) spacing_m: Option<Located<f64>>,
+    /// Constant roll, pitch and yaw; 0, 0, 0 aligns the body's axes with the scene's. Default: as recorded, otherwise along the velocity.
+    #[key(
+        example = "0, 0, 0 deg",
+        when(Rail, Linear, Waypoints, Spline, Csv, Motive, Arrays, Fixed)
+    )]
+    pub(super) attitude_rad: Option<DVec3>,
+    /// Start time. Default: that of the first pulse.
+    #[key(example = "0 s", when(Arc, Rail))]
+    pub(super) start_s: Option<f64>,
+    /// Position at the time given by 'at'.
+    #[key(required = "0, -5, 3 km", when(Linear, Fixed))]
+    pub(super) position_m: DVec3,
+    /// Velocity at the position; for a profile, before its first segment.
+    #[key(required = "100, 0, 0 m/s", when(Linear))]
+    pub(super) velocity_m_s: DVec3,
+    /// Time of the position: time 0, or the middle of the collection.
+    #[key(default = "middle", when(Linear, Circular))]
+    pub(super) at: At,
+    #[keys(when(Circular))]
+    pub(super) turn: TurnKeys,
+    /// Times and positions, connected by straight segments, or by a smooth curve for a spline.
+    #[key(
+        required = ["0 s, -3, -5000, 3000 m", "60 ms, 3, -5000, 3000 m"],
+        rows(2, Time, Length, Length, Length),
+        when(Waypoints, Spline)
+    )]
+    pub(super) points: Located<Vec<[f64; 4]>>,
+    /// Recorded track: a CSV file with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, optionally, roll_deg,
+    /// pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.
+    #[key(required = "track.csv", when(Csv, Motive, Novatel))]
+    pub(super) file: Located<PathBuf>,
+    /// Rigid body of the motion capture. Required if there are several.
+    #[key(example = "radar", when(Motive))]
+    pub(super) body: Option<String>,
+    /// The scene's x, y and z as axes of the track's file. Default: the same axes; for a motion capture, whose y is up, "x, -z, y".
+    #[key(example = "x, -z, y", when(Csv, Motive, Arrays))]
+    pub(super) axes: Option<Located<String>>,
+    #[keys(when(Novatel))]
+    pub(super) log: LogKeys,
+    /// ARRAY of the times of the track, ascending.
+    #[key(required = "motion_timestamps_s", when(Arrays))]
+    pub(super) times: Located<String>,
+    /// Unit of times.
+    #[key(default = "s", when(Arrays))]
+    pub(super) times_unit: TimeUnit,
+    /// ARRAY of the positions: x, y and z in a row for each time.
+    #[key(required = "platform_pos_m", when(Arrays))]
+    pub(super) positions: Located<String>,
+    /// ARRAY of the receiver positions at the same times, if it moves separately; positions are then the transmitter's.
+    #[key(example = "receiver_pos_m", when(Arrays))]
+    pub(super) receiver_positions: Option<Located<String>>,
+    /// Unit of positions.
+    #[key(default = "m", when(Arrays))]
+    pub(super) positions_unit: LengthUnit,
+}
+
+#[derive(Clone, Copy, Choice)]
+pub(super) enum LengthUnit {
+    M,
+    Cm,
+    Mm,
+}
+
+impl LengthUnit {
+    /// Metres per unit.
+    pub(super) fn metres(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Cm => 1e-2,
+            Self::Mm => 1e-3,
+        }
+    }
+}

@@ -51,6 +51,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use arrays::Arrays;
+use keys::RecordingDescription;
 use subaperture_describe::error::Fault;
 use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 use subaperture_model::phase_history::{
@@ -257,26 +258,25 @@ impl RecordingFile {
                  (subap simulate SCENARIO.toml -o FILE.cphd) and take the file",
             )));
         }
-        let top = self.description.resolve(&keys::SCHEMA)?;
+        let top: RecordingDescription = self.description.resolve_as(&keys::SCHEMA)?;
         let source = arrays::Source {
             arrays: &self.arrays,
             folder: self.description.folder(),
-            recording: top.section("recording"),
+            recording: &top.recording,
             memory_bytes,
         };
-        let samples = samples::read(&top, &source).map_err(one)?;
+        let samples = samples::read(&top.radar.kind, &source).map_err(one)?;
         let sign = samples.sign();
         let pulses = pulses::select(
             &top,
             &source,
-            samples.num_sweeps / samples::sweeps_a_pulse(source.recording),
+            samples.num_sweeps / top.recording.sweeps_a_pulse(),
             given,
         )
         .map_err(one)?;
         let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
         let history = (history.with_warnings(pulses.antennas.warnings().to_vec()))
             .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen));
-        debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
         Ok(Take {
             history,
             pulses: pulses
@@ -287,9 +287,9 @@ impl RecordingFile {
             channels: (pulses.antennas.channels.iter())
                 .map(|channel| channel.about())
                 .collect(),
-            bias_path_m: 2.0 * top.section("recording").number("range_bias"),
+            bias_path_m: 2.0 * top.recording.range_bias_m,
             sign,
-            order_is_stated: !samples::order_is_unstated(top.section("recording")),
+            order_is_stated: !top.recording.order_is_unstated(),
         })
     }
 

@@ -1,10 +1,14 @@
 //! Selection of pulses, their times, and the antenna positions.
 
 use super::arrays::Source;
-use super::track::{self, Track, unit_s};
+use super::keys::{
+    AntennaKeys, PlatformKeys, PulsesUsed, RadarKeys, RecordingDescription, RecordingKeys,
+};
+use super::track::{self, Track};
+use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
-use subaperture_describe::values::Values;
-use subaperture_describe::{place, radar};
+use subaperture_describe::place::OriginKeys;
+use subaperture_describe::radar;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history;
 use subaperture_model::radar::Antenna;
@@ -100,17 +104,14 @@ const HALF_SPAN_S: f64 = 0.05;
 /// Pulses selected by `[recording]` from all `count`, in every channel. `given` overrides the selection, with numbers
 /// as in [`super::Take::pulses`].
 pub(super) fn select(
-    top: &Values,
+    top: &RecordingDescription,
     source: &Source,
     count: usize,
     given: Option<&[usize]>,
 ) -> Result<Pulses, Fault> {
-    let recording = source.recording;
-    let frame = match top.section("scene").optional_section("origin") {
-        Some(origin) => place::frame(origin),
-        None => SceneFrame::Local,
-    };
-    let radar = top.section("radar");
+    let (recording, radar, platform) = (&top.recording, &top.radar, &top.platform);
+    let origin = top.scene.origin.as_ref();
+    let frame = origin.map_or(SceneFrame::Local, OriginKeys::frame);
     let (times_s, timed) = times(radar, source, count)?;
     let channels = channels(radar, recording, &times_s, timed)?;
     let latest_s = channels.iter().map(|c| c.after_s).fold(0.0, f64::max);
@@ -120,15 +121,14 @@ pub(super) fn select(
             (low.min(t), high.max(t))
         });
     let ends = (ends.0, ends.1 + latest_s);
-    let platform = top.section("platform");
     let antennas = Antennas {
         track: track::build(platform, source, &frame, ends, count)?,
         channels,
     };
     let track = &antennas.track;
     let asked = asked(recording, count, antennas.channels.len(), given)?;
-    let least_m_s = recording.number("moving_above");
-    let only_moving = recording.text("pulses") == "moving";
+    let least_m_s = recording.moving_above_m_s;
+    let only_moving = *recording.pulses == PulsesUsed::Moving;
     let mut chosen = Vec::new();
     for (index, channel) in asked {
         let time_s = times_s[index] + antennas.channels[channel].after_s;
@@ -149,14 +149,11 @@ pub(super) fn select(
         });
     }
     if chosen.is_empty() {
-        return Err(recording.fault(
-            "pulses",
-            format!(
-                "the platform does not move in any pulse from {:.3} to {:.3} s on its clock: check \
+        return Err(recording.pulses.fault(format!(
+            "the platform does not move in any pulse from {:.3} to {:.3} s on its clock: check \
                  radar.first_pulse, or lower moving_above",
-                ends.0, ends.1
-            ),
-        ));
+            ends.0, ends.1
+        )));
     }
     Ok(Pulses {
         frame,
@@ -168,32 +165,26 @@ pub(super) fn select(
 
 /// Index and channel of every selected pulse, before pulses of a platform at rest are left out.
 fn asked(
-    recording: &Values,
+    recording: &RecordingKeys,
     count: usize,
     num_channels: usize,
     given: Option<&[usize]>,
 ) -> Result<Vec<(usize, usize)>, Fault> {
-    let first = recording.count("first") as usize;
-    let most = recording
-        .optional_count("count")
-        .map_or(usize::MAX, |n| n as usize);
-    let every = recording.count("every") as usize;
+    let first = *recording.first;
+    let most = recording.count.as_deref().copied().unwrap_or(usize::MAX);
     if first >= count {
-        return Err(recording.fault(
-            "first",
-            format!(
-                "'first' is {first}, but the last pulse is {}: lower it",
-                count - 1
-            ),
-        ));
+        return Err(recording.first.fault(format!(
+            "'first' is {first}, but the last pulse is {}: lower it",
+            count - 1
+        )));
     }
-    if let Some(asked) = recording.optional_count("count")
-        && asked > (count - first) as u64
+    if let Some(asked) = &recording.count
+        && **asked > count - first
     {
-        return Err(recording.fault(
-            "count",
+        return Err(asked.fault(
             format!(
-                "'count' is {asked}, but from pulse {first} on there are {}: lower it, or remove it to use all",
+                "'count' is {}, but from pulse {first} on there are {}: lower it, or remove it to use all",
+                **asked,
                 count - first
             ),
         ));
@@ -205,16 +196,16 @@ fn asked(
             .collect(),
         None => (first..count)
             .take(most)
-            .step_by(every)
+            .step_by(recording.every)
             .flat_map(|index| (0..num_channels).map(move |channel| (index, channel)))
             .collect(),
     })
 }
 
-fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault {
+fn outside(platform: &PlatformKeys, track: &Track, index: usize, time_s: f64) -> Fault {
     if let Some((from, to)) = track.gap_s(time_s) {
         return Fault::new(
-            &platform.at,
+            &platform.header,
             format!(
                 "pulse {index} at {time_s:.3} s is in a gap of the motion capture from {from:.3} to {to:.3} s: \
                  choose other pulses, or fill the gap in the capture software"
@@ -223,7 +214,7 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault
     }
     let (from, to) = track.span_s.unwrap_or_default();
     Fault::new(
-        &platform.at,
+        &platform.header,
         format!(
             "pulse {index} at {time_s:.3} s is outside the track from {from:.3} to {to:.3} s: check \
              radar.first_pulse, or choose other pulses"
@@ -232,32 +223,32 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault
 }
 
 /// Times of all pulses on the platform's clock, and whether they are stated.
-fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Fault> {
+fn times(radar: &RadarKeys, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Fault> {
     let recording = source.recording;
-    let first_s = radar.optional_number("first_pulse");
-    let unit_s = unit_s(recording.text("times_unit"));
-    if recording.optional_text("times").is_none() {
-        let known = ["pri", "prf"]
-            .iter()
-            .any(|key| radar.optional_number(key).is_some());
-        let pri_s = if known { radar::pri_s(radar)? } else { 1.0 };
+    let first_s = radar.first_pulse_s;
+    let unit_s = recording.times_unit.seconds();
+    let given = [&radar.pri_s, &radar.prf_hz]
+        .into_iter()
+        .find(|key| key.is_some());
+    let Some(array) = &recording.times else {
+        let known = given.is_some();
+        let pri_s = match known {
+            true => radar::pri_s(&radar.pri_s, &radar.prf_hz)?,
+            false => 1.0,
+        };
         let start_s = first_s.unwrap_or(0.0);
         return Ok((
             (0..count).map(|n| start_s + n as f64 * pri_s).collect(),
             known,
         ));
-    }
-    if let Some(key) = ["pri", "prf"]
-        .iter()
-        .find(|key| radar.optional_number(key).is_some())
-    {
+    };
+    if let Some(key) = given {
         let what = "[recording] times says when pulses were taken: give either, not both";
-        return Err(radar.fault(key, what));
+        return Err(key.fault(what));
     }
-    let times = source.vector(recording, "times")?;
+    let times = source.vector(array)?;
     if times.len() != count {
-        return Err(recording.fault(
-            "times",
+        return Err(array.fault(
             format!(
                 "expected {count} times, one per pulse, found {}: check the array, and 'layout', which states what rows and columns \
                  of the samples are",
@@ -290,17 +281,27 @@ fn speed_m_s(track: &Track, time_s: f64) -> f64 {
 
 /// All antenna pairs in use, grouped by transmitter, in the order of their sweeps.
 fn channels(
-    radar: &Values,
-    recording: &Values,
+    radar: &RadarKeys,
+    recording: &RecordingKeys,
     times_s: &[f64],
     timed: bool,
 ) -> Result<Vec<Channel>, Fault> {
-    let transmitters = used(radar, recording, "transmitter", "T")?;
-    let receivers = used(radar, recording, "receiver", "R")?;
-    let turns = recording.count("transmitters") as f64;
-    let interval_s = match (radar.optional_number("transmitter_interval"), times_s) {
+    let transmitters = used(
+        ("transmitter", "T"),
+        &radar.transmitter,
+        *recording.transmitters,
+        recording.transmitter.as_ref(),
+    )?;
+    let receivers = used(
+        ("receiver", "R"),
+        &radar.receiver,
+        *recording.receivers,
+        recording.receiver.as_ref(),
+    )?;
+    let turns = *recording.transmitters as f64;
+    let interval_s = match (radar.transmitter_interval_s, times_s) {
         (Some(interval_s), _) => interval_s,
-        (None, [first, .., last]) if timed && recording.count("average") == 1 => {
+        (None, [first, .., last]) if timed && *recording.average == 1 => {
             (last - first) / (times_s.len() - 1) as f64 / turns
         }
         _ => 0.0,
@@ -329,16 +330,22 @@ struct Used {
 }
 
 /// Antennas of a kind that are in use: the selected one, all described ones, or the first.
-fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<Vec<Used>, Fault> {
+fn used(
+    (kind, letter): (&str, &str),
+    sections: &[AntennaKeys],
+    count: usize,
+    selected: Option<&Located<usize>>,
+) -> Result<Vec<Used>, Fault> {
     let plural = format!("{kind}s");
-    let count = recording.count(&plural) as usize;
-    let antennas: Vec<Antenna> = radar::antennas(radar, kind, letter)?;
-    let sections = radar.sections(kind);
+    let given = sections
+        .iter()
+        .map(|section| (&section.mount, &section.beam));
+    let antennas: Vec<Antenna> = radar::antennas_of(given, letter)?;
     if let Some(section) = sections.get(1)
         && sections.len() != count
     {
         return Err(Fault::new(
-            &section.at,
+            &section.header,
             format!(
                 "[recording] {plural} is {count}, but there are {} sections [[radar.{kind}]]: describe one, or as many \
                  as there are",
@@ -346,15 +353,13 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
             ),
         ));
     }
-    // For all antennas, including unused ones, so that every section of a description is read.
-    let added: Vec<(f64, f64)> = sections
-        .iter()
-        .map(|values| (values.number("phase"), values.number("level")))
-        .collect();
     let one = |number: usize| {
         // A single section describes the antenna in use.
         let section = number.min(antennas.len() - 1);
-        let (phase_rad, level_db) = added.get(section).copied().unwrap_or_default();
+        let added = sections
+            .get(section)
+            .map(|keys| (keys.phase_rad, keys.level_db));
+        let (phase_rad, level_db) = added.unwrap_or_default();
         Used {
             number,
             name: match section == number {
@@ -365,12 +370,12 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
             calibration: cis(-phase_rad) * libm::pow(10.0, -level_db / 20.0),
         }
     };
-    match recording.optional_count(kind) {
-        Some(asked) if asked as usize > count => Err(recording.fault(
-            kind,
-            format!("'{kind}' is {asked}, but there are {count} {plural}: choose one of them, or raise {plural}"),
-        )),
-        Some(asked) => Ok(vec![one(asked as usize - 1)]),
+    match selected {
+        Some(asked) if **asked > count => Err(asked.fault(format!(
+            "'{kind}' is {}, but there are {count} {plural}: choose one of them, or raise {plural}",
+            **asked
+        ))),
+        Some(asked) => Ok(vec![one(**asked - 1)]),
         None if sections.len() > 1 => Ok((0..count).map(one).collect()),
         None => Ok(vec![one(0)]),
     }

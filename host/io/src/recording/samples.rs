@@ -13,10 +13,11 @@ use std::sync::Arc;
 use num_complex::Complex32;
 
 use super::arrays::Source;
+use super::keys::{FormatKeys, Layout, Order, Sign, WaveformKeys};
 use crate::input::open_file;
 use crate::npy::{Array, Range, Values as Numbers};
+use subaperture_describe::declare::Located;
 use subaperture_describe::error::{ALLOW_MORE_MEMORY, Fault};
-use subaperture_describe::values::Values;
 use subaperture_model::phase_history::PhaseSign;
 
 /// Source of the sign in a description.
@@ -108,20 +109,26 @@ impl Samples {
 }
 
 /// Read the samples named by `[recording]`.
-pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
+pub(super) fn read(kind: &WaveformKeys, source: &Source) -> Result<Samples, Fault> {
     let recording = source.recording;
-    let phase = recording.optional_text("phase").map(|phase| match phase {
-        "plus" => PhaseSign::Plus,
-        _ => PhaseSign::Minus,
+    let phase = recording.phase.map(|phase| match phase {
+        Sign::Plus => PhaseSign::Plus,
+        Sign::Minus => PhaseSign::Minus,
     });
-    let samples = match recording.text("format") {
-        "dca1000" => dca1000(source, phase)?,
-        _ => array(source, phase)?,
+    let samples = match &recording.format {
+        FormatKeys::Dca1000(keys) => dca1000(source, &keys.samples, phase)?,
+        FormatKeys::Npz(keys) => array(source, Some(&keys.array), keys.layout, phase)?,
+        FormatKeys::Npy(keys) => array(source, None, keys.layout, phase)?,
     };
-    let kind = top.section("radar").text("kind");
-    if samples.real && kind != "profiles" && kind != "fmcw" {
-        return Err(recording.fault(
-            "file",
+    let takes_complex = match kind {
+        WaveformKeys::Pulsed(_) => Some("pulsed"),
+        WaveformKeys::Stepped(_) => Some("stepped"),
+        WaveformKeys::Fmcw(_) | WaveformKeys::Profiles(_) => None,
+    };
+    if samples.real
+        && let Some(kind) = takes_complex
+    {
+        return Err(recording.file.fault(
             format!(
                 "kind = \"{kind}\": expected complex samples, found real ones: save both parts, I + j Q. (Real samples are supported for kind = \"profiles\" \
                  and of kind = \"fmcw\", whose beats have one sign.)"
@@ -129,23 +136,15 @@ pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
         ));
     }
     if let Some(what) = samples.range().fault() {
-        return Err(recording.fault("file", what));
+        return Err(recording.file.fault(what));
     }
     if samples.num_sweeps == 0 || samples.num_samples < 2 {
-        return Err(recording.fault(
-            "file",
-            format!(
-                "expected at least one pulse of two samples, found {} pulses of {} samples",
-                samples.num_sweeps, samples.num_samples
-            ),
-        ));
+        return Err(recording.file.fault(format!(
+            "expected at least one pulse of two samples, found {} pulses of {} samples",
+            samples.num_sweeps, samples.num_samples
+        )));
     }
     Ok(samples)
-}
-
-/// Number of sweeps in a pulse.
-pub(super) fn sweeps_a_pulse(recording: &Values) -> usize {
-    (recording.count("transmitters") as usize).saturating_mul(recording.count("average") as usize)
 }
 
 /// Consecutive arrays, each with the number of its first sweep.
@@ -158,13 +157,16 @@ fn joined(
     pieces: Vec<(PathBuf, Arc<Array>, usize)>,
 ) -> Result<(InARow, usize), Fault> {
     let recording = source.recording;
-    let a_pulse = sweeps_a_pulse(recording);
+    let a_pulse = recording.sweeps_a_pulse();
     let mut num_sweeps = 0;
     let mut all = Vec::with_capacity(pieces.len());
     for (path, array, sweeps) in pieces {
         if !sweeps.is_multiple_of(a_pulse) {
-            return Err(recording.fault(
-                if recording.count("average") > 1 { "average" } else { "transmitters" },
+            let key = match *recording.average > 1 {
+                true => &recording.average,
+                false => &recording.transmitters,
+            };
+            return Err(key.fault(
                 format!(
                     "{} has {sweeps} sweeps of each receiver, not a multiple of {a_pulse} per pulse (transmitters times average), \
                      so {} are over: check both, receivers, and whether the file is whole",
@@ -190,23 +192,28 @@ fn rows_and_columns(array: &Array, receivers: usize, turned: bool) -> Option<(us
     }
 }
 
-fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
+/// Samples of arrays: the one of this name in an archive, or NumPy files.
+fn array(
+    source: &Source,
+    name: Option<&Located<String>>,
+    layout: Layout,
+    phase: Option<PhaseSign>,
+) -> Result<Samples, Fault> {
     let recording = source.recording;
-    let receivers = recording.count("receivers") as usize;
-    let turned = recording.text("layout") == "samples-pulses";
-    let (key, name) = match recording.text("format") {
-        "npz" => ("array", Some(recording.text("array").to_owned())),
-        _ => ("file", None),
+    let receivers = *recording.receivers;
+    let turned = layout == Layout::SamplesPulses;
+    let fault = |what: String| match name {
+        Some(name) => name.fault(what),
+        None => recording.file.fault(what),
     };
     let mut pieces: Vec<(PathBuf, Arc<Array>, usize)> = Vec::new();
     let mut size: Option<(usize, bool)> = None;
     let mut strides = (1, 1);
     for path in source.files()? {
-        let array = source.hold((path.clone(), name.clone()));
-        let array = array.map_err(|what| recording.fault(key, what))?;
+        let array = source.hold((path.clone(), name.map(|name| (**name).clone())));
+        let array = array.map_err(fault)?;
         let (rows, columns) = rows_and_columns(&array, receivers, turned).ok_or_else(|| {
-            recording.fault(
-                key,
+            fault(
                 format!(
                     "{} has shape {:?}: expected two axes, pulses and samples, or three, pulses, receivers and \
                      samples, with {receivers} receivers",
@@ -224,20 +231,20 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
         let (samples, all_real) = *size.get_or_insert((num_samples, real));
         if samples != num_samples || real != all_real {
             let first = &pieces[0].0;
-            return Err(recording.fault(
-                key,
-                format!(
-                    "{} has {num_samples} {} samples per pulse, but {} has {samples} {}: give files of one kind",
-                    path.display(),
-                    if real { "real" } else { "complex" },
-                    first.display(),
-                    if all_real { "real ones" } else { "complex ones" }
-                ),
-            ));
+            return Err(fault(format!(
+                "{} has {num_samples} {} samples per pulse, but {} has {samples} {}: give files of one kind",
+                path.display(),
+                if real { "real" } else { "complex" },
+                first.display(),
+                if all_real {
+                    "real ones"
+                } else {
+                    "complex ones"
+                }
+            )));
         }
         if !num_rows.is_multiple_of(receivers) {
-            return Err(recording.fault(
-                "receivers",
+            return Err(recording.receivers.fault(
                 format!(
                     "{} has {num_rows} rows, not a multiple of {receivers} receivers: check receivers, and \
                      layout, which states what rows and columns are",
@@ -248,7 +255,7 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
         strides = if turned { (columns, 1) } else { (1, columns) };
         if turned && !pieces.is_empty() && pieces[0].1.shape != array.shape {
             let what = "expected files of equal shape for layout = \"samples-pulses\"";
-            return Err(recording.fault(key, what));
+            return Err(fault(what.to_owned()));
         }
         pieces.push((path, array, num_rows / receivers));
     }
@@ -266,28 +273,30 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
     })
 }
 
-fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
+fn dca1000(
+    source: &Source,
+    given_samples: &Located<usize>,
+    phase: Option<PhaseSign>,
+) -> Result<Samples, Fault> {
     let recording = source.recording;
-    let samples = recording.count("samples") as usize;
-    let receivers = recording.count("receivers") as usize;
+    let (samples, receivers) = (**given_samples, *recording.receivers);
     let sweep = samples * receivers;
-    let order = Order::of(recording);
+    let order = recording.order.unwrap_or(Order::Iiqq);
     let mut pieces = Vec::new();
     for path in source.files()? {
-        let fault = |what: String| recording.fault("file", what);
+        let fault = |what: String| recording.file.fault(what);
         let read = |name: &(_, _), left| lanes(Path::new(&name.0), order, left);
         // The same file read in two orders gives two arrays.
         let name = (
             path.clone(),
-            recording.optional_text("order").map(str::to_owned),
+            recording.order.map(|order| format!("{order:?}")),
         );
         let array = source.arrays.hold(name, source.memory_bytes, read);
         let array = array.map_err(fault)?;
         let held = array.shape[0];
         if !held.is_multiple_of(sweep) {
             let (whole, over) = (held / sweep, held % sweep);
-            return Err(recording.fault(
-                "samples",
+            return Err(given_samples.fault(
                 format!(
                     "{} has {held} samples: {whole} sweeps of {samples} from each of {receivers} receivers \
                      and a rest of {over}: check samples and receivers{}",
@@ -336,36 +345,12 @@ fn others(held: usize, samples: usize, receivers: usize) -> String {
     words
 }
 
-/// Whether the recording has an order of I and Q that its description omits.
-pub(super) fn order_is_unstated(recording: &Values) -> bool {
-    recording.text("format") == "dca1000" && recording.optional_text("order").is_none()
-}
-
-/// Order of the numbers in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Order {
-    /// Two I, two Q.
-    Pairs,
-    /// I and Q alternating.
-    Turns,
-    /// Real numbers only.
-    Real,
-}
-
 impl Order {
-    fn of(recording: &Values) -> Self {
-        match recording.optional_text("order") {
-            Some("iqiq") => Self::Turns,
-            Some("real") => Self::Real,
-            _ => Self::Pairs,
-        }
-    }
-
     /// Bytes of the smallest group of complete samples.
     fn unit_bytes(self) -> u64 {
         match self {
-            Self::Pairs => 8,
-            Self::Turns => 4,
+            Self::Iiqq => 8,
+            Self::Iqiq => 4,
             Self::Real => 2,
         }
     }
@@ -373,7 +358,7 @@ impl Order {
     /// Memory of the converted file and the file itself, relative to the file size.
     fn held(self) -> u64 {
         match self {
-            Self::Pairs | Self::Turns => 3,
+            Self::Iiqq | Self::Iqiq => 3,
             Self::Real => 5,
         }
     }
@@ -387,8 +372,8 @@ fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> 
     let unit = order.unit_bytes();
     if length == 0 || !length.is_multiple_of(unit) {
         let what = match order {
-            Order::Pairs => "pairs of complex samples",
-            Order::Turns => "complex samples",
+            Order::Iiqq => "pairs of complex samples",
+            Order::Iqiq => "complex samples",
             Order::Real => "real samples",
         };
         return Err(format!(
@@ -418,7 +403,7 @@ fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> 
             values: Numbers::Real(samples),
         });
     }
-    if order == Order::Turns {
+    if order == Order::Iqiq {
         let samples: Vec<Complex32> = bytes
             .chunks_exact(4)
             .map(|pair| Complex32::new(number(pair), number(&pair[2..])))

@@ -5,22 +5,14 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::arrays::Source;
+use super::keys::{MotionKeys, MotionKeysArrays, MotionKeysRail, PlatformKeys};
 use crate::track_axes::TrackAxes;
 use crate::{marker_swaps, motive, recorded_track, track_csv};
+use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
-use subaperture_describe::values::Values;
+use subaperture_describe::track::{curve, line, segments};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{self, Fix, Pose, Rail, SampledTrack, Trajectory, turned};
-
-/// Seconds per unit of arrays of times.
-pub(super) fn unit_s(unit: &str) -> f64 {
-    match unit {
-        "ms" => 1e-3,
-        "us" => 1e-6,
-        "ns" => 1e-9,
-        _ => 1.0,
-    }
-}
 
 /// Track, and its interval of validity; `None` for all times.
 pub(super) struct Track {
@@ -51,14 +43,14 @@ impl Track {
 
 /// Track of the platform. `times_s` are the times of the first and last of `count` pulses.
 pub(super) fn build(
-    values: &Values,
+    platform: &PlatformKeys,
     source: &Source,
     frame: &SceneFrame,
     times_s: (f64, f64),
     count: usize,
 ) -> Result<Track, Fault> {
-    let track = poses(values, source, frame, times_s, count)?;
-    let Some(angles) = values.optional_vector("attitude") else {
+    let track = poses(platform, source, frame, times_s, count)?;
+    let Some(angles) = platform.attitude_rad else {
         return Ok(track);
     };
     let attitude = turned(angles.x, angles.y, angles.z);
@@ -89,87 +81,118 @@ impl Trajectory for Kept {
 }
 
 fn poses(
-    values: &Values,
+    platform: &PlatformKeys,
     source: &Source,
     frame: &SceneFrame,
     times_s: (f64, f64),
     count: usize,
 ) -> Result<Track, Fault> {
-    let mut warnings = Vec::new();
-    let fixes = match values.text("kind") {
-        "arrays" => arrays(values, source, "positions")?,
-        "csv" => {
-            let fixes = track_csv::read(&source.folder.join(values.text("file")))
-                .map_err(|error| values.fault("file", error.to_string()))?;
-            let axes = axes(values)?;
+    let middle_s = 0.5 * (times_s.0 + times_s.1);
+    let body: Arc<dyn Trajectory> = match &platform.kind {
+        MotionKeys::Arrays(keys) => {
+            let fixes = arrays(platform, source, keys, &keys.positions)?;
+            let body = SampledTrack::new(&fixes);
+            let body = body.map_err(|error| keys.times.fault(error.to_string()))?;
+            let receiver = platform.receiver_positions.as_ref().map(|positions| {
+                let track = SampledTrack::new(&arrays(platform, source, keys, positions)?);
+                let track = track.map_err(|error| positions.fault(error.to_string()))?;
+                Ok::<Arc<dyn Trajectory>, Fault>(Arc::new(track))
+            });
+            return Ok(Track {
+                receiver: receiver.transpose()?,
+                ..sampled(body, &fixes)
+            });
+        }
+        MotionKeys::Csv(keys) => {
+            let fault = |error: String| keys.file.fault(error);
+            let fixes = track_csv::read(&source.folder.join(&*keys.file))
+                .map_err(|error| fault(error.to_string()))?;
+            let axes = axes(platform, TrackAxes::PLAIN)?;
             let turned = |fix: Fix| Fix {
                 position_m: axes.turn(fix.position_m),
                 attitude: fix.attitude.map(|attitude| axes.turn_attitude(attitude)),
                 ..fix
             };
-            fixes.into_iter().map(turned).collect()
+            let fixes: Vec<Fix> = fixes.into_iter().map(turned).collect();
+            let body = SampledTrack::new(&fixes).map_err(|error| fault(error.to_string()))?;
+            return Ok(sampled(body, &fixes));
         }
-        "motive" => {
-            let path = source.folder.join(values.text("file"));
-            let fixes = motive::read(&path, values.optional_text("body"), axes(values)?)
-                .map_err(|error| values.fault("file", error.to_string()))?;
+        MotionKeys::Motive(keys) => {
+            let fault = |error: String| keys.file.fault(error);
+            let path = source.folder.join(&*keys.file);
+            let axes = axes(platform, TrackAxes::y_up())?;
+            let fixes = motive::read(&path, platform.body.as_deref(), axes)
+                .map_err(|error| fault(error.to_string()))?;
             let named = |what: String| format!("{}: {what}", path.display());
             let (fixes, swapped) =
-                marker_swaps::without(fixes).map_err(|what| values.fault("file", named(what)))?;
-            warnings.extend(swapped.map(|swapped| named(swapped.to_string())));
-            fixes
-        }
-        kind => {
-            let body: Arc<dyn Trajectory> = match kind {
-                "novatel" => {
-                    let known = *frame != SceneFrame::Local;
-                    recorded_track::build(values, known.then_some(frame), source.folder)?
-                }
-                "arc" => Arc::new(arc(values, times_s)?),
-                "rail" => Arc::new(rail(values, times_s, count)?),
-                _ => subaperture_describe::track::track(values, 0.5 * (times_s.0 + times_s.1))?,
-            };
+                marker_swaps::without(fixes).map_err(|what| fault(named(what)))?;
+            let body = SampledTrack::with_gaps(&fixes, LONGEST_GAP_S)
+                .map_err(|error| fault(error.to_string()))?;
             return Ok(Track {
-                body,
-                receiver: None,
-                span_s: None,
-                gaps_s: Vec::new(),
-                warnings: Vec::new(),
+                gaps_s: gaps(&fixes),
+                warnings: (swapped.into_iter())
+                    .map(|swapped| named(swapped.to_string()))
+                    .collect(),
+                ..sampled(body, &fixes)
             });
         }
-    };
-    let key = match values.text("kind") {
-        "arrays" => "times",
-        _ => "file",
-    };
-    let track = match values.text("kind") {
-        "motive" => SampledTrack::with_gaps(&fixes, LONGEST_GAP_S),
-        _ => SampledTrack::new(&fixes),
-    };
-    let track = track.map_err(|error| values.fault(key, error.to_string()))?;
-    let receiver: Option<Arc<dyn Trajectory>> = match values.optional_text("receiver_positions") {
-        Some(_) => {
-            let fixes = arrays(values, source, "receiver_positions")?;
-            let track = SampledTrack::new(&fixes);
-            Some(Arc::new(track.map_err(|error| {
-                values.fault("receiver_positions", error.to_string())
-            })?))
+        MotionKeys::Novatel(keys) => {
+            let known = *frame != SceneFrame::Local;
+            let frame = known.then_some(frame);
+            recorded_track::novatel(&keys.file, &keys.log, frame, source.folder)?
         }
-        None => None,
+        MotionKeys::Arc(arc) => {
+            // Without a rate, one swing takes the duration of the pulses.
+            let swing_rad = (arc.to_angle_rad - arc.from_angle_rad).abs();
+            Arc::new(track::Arc {
+                pivot_m: arc.pivot_m,
+                radius_m: arc.radius_m,
+                from_rad: arc.from_angle_rad,
+                to_rad: arc.to_angle_rad,
+                rate_rad_s: match platform.rate_rad_s {
+                    Some(rate) => rate,
+                    None => evenly(platform, "rate", swing_rad, times_s)?,
+                },
+                start_s: platform.start_s.unwrap_or(times_s.0),
+            })
+        }
+        MotionKeys::Rail(keys) => Arc::new(rail(platform, keys, times_s, count)?),
+        MotionKeys::Linear(keys) => {
+            line(keys.position_m, keys.velocity_m_s, keys.at.time_s(middle_s))
+        }
+        MotionKeys::Fixed(keys) => line(keys.position_m, DVec3::ZERO, 0.0),
+        MotionKeys::Circular(keys) => {
+            let speed_m_s = platform.speed_m_s.ok_or_else(|| {
+                let what =
+                    "motion on a circle needs 'speed': write for example speed = \"0.1 m/s\"";
+                Fault::new(&platform.header, what)
+            })?;
+            let at_s = keys.at.time_s(middle_s);
+            keys.turn
+                .circle(keys.centre_m, keys.radius_m, speed_m_s, at_s)
+        }
+        MotionKeys::Waypoints(keys) => segments(&keys.points)?,
+        MotionKeys::Spline(keys) => curve(&keys.points)?,
     };
     Ok(Track {
-        body: Arc::new(track),
-        receiver,
-        span_s: fixes
-            .first()
-            .zip(fixes.last())
-            .map(|(a, b)| (a.time_s, b.time_s)),
-        gaps_s: match values.text("kind") {
-            "motive" => gaps(&fixes),
-            _ => Vec::new(),
-        },
-        warnings,
+        body,
+        receiver: None,
+        span_s: None,
+        gaps_s: Vec::new(),
+        warnings: Vec::new(),
     })
+}
+
+/// Track through fixes, valid between the first and the last.
+fn sampled(body: SampledTrack, fixes: &[Fix]) -> Track {
+    let ends = fixes.first().zip(fixes.last());
+    Track {
+        body: Arc::new(body),
+        receiver: None,
+        span_s: ends.map(|(first, last)| (first.time_s, last.time_s)),
+        gaps_s: Vec::new(),
+        warnings: Vec::new(),
+    }
 }
 
 /// Longest gap in a motion capture that is interpolated, in seconds; a person's step takes five times as long.
@@ -185,92 +208,80 @@ fn gaps(fixes: &[Fix]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Order of the file's axes.
-fn axes(values: &Values) -> Result<TrackAxes, Fault> {
-    match values.optional_text("axes") {
-        Some(text) => text
-            .parse()
-            .map_err(|what: String| values.fault("axes", what)),
-        None if values.text("kind") == "motive" => Ok(TrackAxes::y_up()),
-        None => Ok(TrackAxes::PLAIN),
+/// Order of the file's axes, or the usual one.
+fn axes(platform: &PlatformKeys, usual: TrackAxes) -> Result<TrackAxes, Fault> {
+    match &platform.axes {
+        Some(text) => text.parse().map_err(|what: String| text.fault(what)),
+        None => Ok(usual),
     }
-}
-
-/// Swinging arm. Without a rate, one swing takes the duration of the pulses.
-fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Fault> {
-    let (from_rad, to_rad) = (values.number("from_angle"), values.number("to_angle"));
-    Ok(track::Arc {
-        pivot_m: values.vector("pivot"),
-        radius_m: values.number("radius"),
-        from_rad,
-        to_rad,
-        rate_rad_s: match values.optional_number("rate") {
-            Some(rate) => rate,
-            None => evenly(values, "rate", (to_rad - from_rad).abs(), last_s - first_s)?,
-        },
-        start_s: values.optional_number("start").unwrap_or(first_s),
-    })
 }
 
 /// Rail. Without a speed, the motion takes the duration of the pulses.
-fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<Rail, Fault> {
-    let (from_m, to_m) = (values.vector("from"), values.vector("to"));
-    if from_m.distance(to_m) < 1e-9 {
-        return Err(values.fault("to", "the rail has no length: move one of its ends"));
+fn rail(
+    platform: &PlatformKeys,
+    keys: &MotionKeysRail,
+    times_s: (f64, f64),
+    count: usize,
+) -> Result<Rail, Fault> {
+    let length_m = keys.from_m.distance(*keys.to_m);
+    if length_m < 1e-9 {
+        return Err(keys
+            .to_m
+            .fault("the rail has no length: move one of its ends"));
     }
     Ok(Rail {
-        from_m,
-        to_m,
-        speed_m_s: match (
-            values.optional_number("speed"),
-            values.optional_number("spacing"),
-        ) {
-            (Some(_), Some(_)) => {
-                return Err(values.fault("spacing", "give either speed or spacing, not both"));
+        from_m: keys.from_m,
+        to_m: *keys.to_m,
+        speed_m_s: match (platform.speed_m_s, &platform.spacing_m) {
+            (Some(_), Some(spacing)) => {
+                return Err(spacing.fault("give either speed or spacing, not both"));
             }
             (Some(speed), None) => speed,
             (None, Some(spacing_m)) => {
-                let way_m = spacing_m * count.saturating_sub(1) as f64;
-                evenly(values, "speed", way_m, last_s - first_s)?
+                let way_m = **spacing_m * count.saturating_sub(1) as f64;
+                evenly(platform, "speed", way_m, times_s)?
             }
-            (None, None) => evenly(values, "speed", from_m.distance(to_m), last_s - first_s)?,
+            (None, None) => evenly(platform, "speed", length_m, times_s)?,
         },
-        start_s: values.optional_number("start").unwrap_or(first_s),
+        start_s: platform.start_s.unwrap_or(times_s.0),
     })
 }
 
-fn evenly(values: &Values, key: &str, amount: f64, duration_s: f64) -> Result<f64, Fault> {
-    if duration_s > 0.0 {
-        return Ok(amount / duration_s);
+/// Rate of an amount that is spread over the pulses; `key` states it otherwise.
+fn evenly(
+    platform: &PlatformKeys,
+    key: &str,
+    amount: f64,
+    (first_s, last_s): (f64, f64),
+) -> Result<f64, Fault> {
+    if last_s > first_s {
+        return Ok(amount / (last_s - first_s));
     }
     Err(Fault::new(
-        &values.at,
+        &platform.header,
         format!("all pulses have the same time, so that the speed is unknown: give '{key}'"),
     ))
 }
 
-/// Times, and positions from the array named by a key.
-fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Fault> {
-    let unit_s = unit_s(values.text("times_unit"));
-    let axes = axes(values)?;
-    let times = source.vector(values, "times")?;
-    let positions = source.array(values, key)?;
-    let unit_m = match values.text("positions_unit") {
-        "mm" => 1e-3,
-        "cm" => 1e-2,
-        _ => 1.0,
-    };
-    let rows = match (positions.real(), &positions.shape[..]) {
+/// Times and positions of two arrays.
+fn arrays(
+    platform: &PlatformKeys,
+    source: &Source,
+    keys: &MotionKeysArrays,
+    positions: &Located<String>,
+) -> Result<Vec<Fix>, Fault> {
+    let (unit_s, unit_m) = (keys.times_unit.seconds(), keys.positions_unit.metres());
+    let axes = axes(platform, TrackAxes::PLAIN)?;
+    let times = source.vector(&keys.times)?;
+    let array = source.array(positions)?;
+    let rows = match (array.real(), &array.shape[..]) {
         (Some(rows), &[count, 3]) if count == times.len() => rows,
         _ => {
-            return Err(values.fault(
-                key,
-                format!(
-                    "expected real numbers of shape [{1}, 3], a row for each of 'times', found shape {0:?}",
-                    positions.shape,
-                    times.len()
-                ),
-            ));
+            return Err(positions.fault(format!(
+                "expected real numbers of shape [{1}, 3], a row for each of 'times', found shape {0:?}",
+                array.shape,
+                times.len()
+            )));
         }
     };
     let fix = |(&time, row): (&f64, &[f64])| Fix {

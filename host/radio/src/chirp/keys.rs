@@ -1,89 +1,31 @@
-//! TOML keys of a chirp plan.
+//! TOML description of a chirp plan.
 
 use std::io;
 use std::path::Path;
+use std::sync::LazyLock;
 
-use subaperture_describe::error::Fault;
-use subaperture_describe::schema::{
-    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
-};
+use subaperture_describe::declare::section;
+use subaperture_describe::schema::Schema;
 use subaperture_describe::{Description, DescriptionError};
-use subaperture_model::units::Dimension;
 
 use super::Plan;
-use crate::plan::{RADIO, TOP, configuration};
+use crate::plan::keys::RadioKeys;
 
-const FREQUENCY: ValueType = ValueType::Quantity(Dimension::Frequency, Bounds::Positive);
-const TIME: ValueType = ValueType::Quantity(Dimension::Time, Bounds::Positive);
+/// Description of a plan.
+#[section]
+struct ChirpKeys {
+    /// Name of the capture, for titles and records.
+    #[key(default = "capture")]
+    name: String,
+    /// Waveform and timing of the pulses.
+    #[section]
+    chirp: Plan,
+    #[section]
+    radio: RadioKeys,
+}
 
-static CHIRP: Section = Section {
-    path: "chirp",
-    presence: Presence::Always,
-    when: &[],
-    selector: "",
-    doc: "Waveform and timing of the pulses.",
-    keys: &[
-        Key::new(
-            "carrier",
-            FREQUENCY,
-            Requirement::Default("\"1.2 GHz\""),
-            "Centre frequency of the chirp.",
-        ),
-        Key::new(
-            "bandwidth",
-            FREQUENCY,
-            Requirement::Required("\"16 MHz\""),
-            "Swept bandwidth. Range resolution is c / (2 bandwidth). At most the radio's bandwidth and sample rate.",
-        ),
-        Key::new(
-            "duration",
-            TIME,
-            Requirement::Default("\"50 us\""),
-            "Duration of the chirp.",
-        ),
-        Key::new(
-            "interval",
-            TIME,
-            Requirement::Default("\"200 us\""),
-            "Pulse repetition interval, a whole number of samples. The unambiguous range is c / 2 times the interval.",
-        ),
-        Key::new(
-            "pulses",
-            ValueType::Count(1, 1 << 20),
-            Requirement::Default("16"),
-            "Contiguous pulses per burst.",
-        ),
-        Key::new(
-            "bursts",
-            ValueType::Count(0, u64::MAX),
-            Requirement::Default("1"),
-            "Number of bursts; 0 runs until stopped.",
-        ),
-        Key::new(
-            "reach",
-            ValueType::Quantity(Dimension::Length, Bounds::Positive),
-            Requirement::Default("\"300 m\""),
-            "Maximum range of a profile.",
-        ),
-        Key::new(
-            "amplitude",
-            ValueType::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
-            Requirement::Default("0.7"),
-            "Amplitude of the chirp, relative to the converter's full scale.",
-        ),
-        Key::new(
-            "lead",
-            TIME,
-            Requirement::Default("\"1 ms\""),
-            "Lead time from a burst's command to its start, for the command to reach the device.",
-        ),
-    ],
-};
-
-static SCHEMA: Schema = Schema {
-    sections: &[&TOP, &CHIRP, &RADIO],
-    introduction: "The plan of a chirp radar is a TOML file.",
-};
+static SCHEMA: LazyLock<Schema> =
+    LazyLock::new(|| Schema::of::<ChirpKeys>("The plan of a chirp radar is a TOML file."));
 
 /// Reference text of all keys, with type, default and description.
 pub fn reference() -> String {
@@ -104,26 +46,12 @@ impl Plan {
     /// # Errors
     /// All faults of the text, with their lines.
     pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
-        build(description).map_err(|faults| description.explain(faults))
+        let keys: Result<ChirpKeys, _> = description.resolve_as(&SCHEMA);
+        let keys = keys.map_err(|faults| description.explain(faults))?;
+        Ok(Self {
+            name: keys.name,
+            radio: keys.radio.configuration(),
+            ..keys.chirp
+        })
     }
-}
-
-fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
-    let top = description.resolve(&SCHEMA)?;
-    let chirp = top.section("chirp");
-    let built = Plan {
-        name: top.text("name").to_owned(),
-        carrier_hz: chirp.number("carrier"),
-        bandwidth_hz: chirp.number("bandwidth"),
-        duration_s: chirp.number("duration"),
-        interval_s: chirp.number("interval"),
-        pulses: chirp.count("pulses") as usize,
-        bursts: chirp.count("bursts"),
-        reach_m: chirp.number("reach"),
-        amplitude: chirp.number("amplitude"),
-        lead_s: chirp.number("lead"),
-        radio: configuration(top.section("radio")),
-    };
-    debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
-    Ok(built)
 }

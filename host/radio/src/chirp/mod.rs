@@ -38,6 +38,7 @@ mod keys;
 use std::f64::consts::PI;
 
 use num_complex::{Complex32, Complex64};
+use subaperture_describe::declare::section;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::cis;
 
@@ -54,29 +55,41 @@ pub use keys::reference;
 const LOOP_SAMPLES: usize = 8;
 
 /// Plan of a chirp capture.
+#[section]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Name, written to the metadata of the recording.
+    #[skip]
     pub name: String,
-    /// Carrier frequency, hertz.
+    /// Centre frequency of the chirp.
+    #[key(default = "1.2 GHz", positive)]
     pub carrier_hz: f64,
-    /// Swept bandwidth, hertz, centred on the carrier.
+    /// Swept bandwidth. Range resolution is c / (2 bandwidth). At most the radio's bandwidth and sample rate.
+    #[key(required = "16 MHz", positive)]
     pub bandwidth_hz: f64,
-    /// Duration of a chirp, seconds.
+    /// Duration of the chirp.
+    #[key(default = "50 us", positive)]
     pub duration_s: f64,
-    /// Pulse repetition interval, seconds; a whole number of samples.
+    /// Pulse repetition interval, a whole number of samples. The unambiguous range is c / 2 times the interval.
+    #[key(default = "200 us", positive)]
     pub interval_s: f64,
-    /// Number of pulses per burst.
+    /// Contiguous pulses per burst.
+    #[key(default = 16, whole(1, 1 << 20))]
     pub pulses: usize,
     /// Number of bursts; 0 runs until stopped.
+    #[key(default = 1)]
     pub bursts: u64,
-    /// Maximum range, metres.
+    /// Maximum range of a profile.
+    #[key(default = "300 m", positive)]
     pub reach_m: f64,
-    /// Amplitude relative to full scale.
+    /// Amplitude of the chirp, relative to the converter's full scale.
+    #[key(default = 0.7, within(1e-6, 1.0, "0.000001 to 1"))]
     pub amplitude: f64,
-    /// Lead time between a command and its burst, seconds.
+    /// Lead time from a burst's command to its start, for the command to reach the device.
+    #[key(default = "1 ms", positive)]
     pub lead_s: f64,
     /// Clock, gains and ports of the radio.
+    #[skip]
     pub radio: Configuration,
 }
 

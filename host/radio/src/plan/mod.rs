@@ -15,6 +15,7 @@ pub(crate) mod keys;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture_describe::declare::{Choice, section};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
 use crate::antennas::{Antennas, Reference};
@@ -22,10 +23,9 @@ use crate::error::RadioError;
 use crate::transceiver::{Configuration, Ranges};
 
 pub use keys::reference;
-pub(crate) use keys::{RADIO, TOP, configuration};
 
 /// Order of the carriers within a sweep.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Order {
     /// From the lowest carrier to the highest.
     Up,
@@ -33,48 +33,69 @@ pub enum Order {
     Down,
     /// Ascending and descending in alternate sweeps; avoids a long retune between sweeps.
     UpDown,
-    /// Random, new in each sweep, with this seed. Motion within a sweep then spreads as noise instead of shifting
-    /// ranges.
-    Shuffled(u64),
+    /// Random, new in each sweep. Motion within a sweep then spreads as noise instead of shifting ranges.
+    Shuffled,
 }
 
 /// Plan of a stepped-frequency capture.
+#[section]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Name, written to the metadata of the recording.
+    #[skip]
     pub name: String,
-    /// First carrier, hertz.
+    /// First carrier.
+    #[key(required = "1.1 GHz", positive)]
     pub start_hz: f64,
-    /// Upper edge of the last carrier's step, hertz.
+    /// Upper edge of the last carrier's step. Range resolution is c / (2 (stop - start)).
+    #[key(required = "1.3 GHz", positive)]
     pub stop_hz: f64,
-    /// Number of carriers per sweep, including skipped ones.
+    /// Carriers per sweep. The unambiguous range is this many times the resolution.
+    #[key(required = 50, whole(1, 1 << 16))]
     pub steps: usize,
-    /// Bands without transmission, lower and upper edges, hertz. Carriers whose step overlaps a band are skipped.
+    /// Bands without transmission, each as lower and upper edge. Carriers whose step overlaps a band are skipped, at most a third of all, and
+    /// interpolated in range profiles.
+    #[key(example = ["1.164 GHz, 1.188 GHz"], rows(1, Frequency, Frequency))]
     pub avoid: Vec<(f64, f64)>,
-    /// Order of the carriers.
+    /// Order of the carriers. up-down alternates from sweep to sweep; shuffled is a new random order each sweep.
+    #[key(default = "up")]
     pub order: Order,
-    /// Duration of a recorded burst, seconds.
+    /// Seed of the shuffled order.
+    #[key(default = 0, whole(0, i64::MAX as u64))]
+    pub seed: u64,
+    /// Recording time at each carrier.
+    #[key(default = "1 ms", positive)]
     pub dwell_s: f64,
-    /// Tone offset above its carrier, hertz; its period is a whole number of samples.
+    /// Offset of the tone above its carrier (IF). The sample rate must be a whole multiple of it, at least 3 times.
+    #[key(default = "125 kHz", positive)]
     pub tone_hz: f64,
-    /// Amplitude of the tone relative to full scale.
+    /// Amplitude of the tone, relative to the converter's full scale.
+    #[key(default = 0.7, within(1e-6, 1.0, "0.000001 to 1"))]
     pub amplitude: f64,
     /// Number of sweeps; 0 runs until stopped.
+    #[key(default = 1)]
     pub sweeps: u64,
-    /// Sweep repetition interval, seconds; 0 for back-to-back sweeps.
+    /// Sweep repetition interval; 0 for back-to-back sweeps.
+    #[key(default = "0 s", not_negative)]
     pub pri_s: f64,
-    /// Lead time between a command and its burst, seconds, for the command to reach the device.
+    /// Lead time from a burst's command to its start, for the command to reach the device.
+    #[key(default = "1 ms", positive)]
     pub lead_s: f64,
-    /// Settling threshold of the reference: relative deviation of its amplitude, and deviation of its phase from a
-    /// straight line, radians.
+    /// Settling threshold of the reference tone: largest relative deviation of its amplitude, and largest deviation of its phase from a
+    /// straight line in radians.
+    #[key(default = 0.02, positive)]
     pub steady: f64,
-    /// Maximum number of bursts at a step until the reference is steady.
+    /// Maximum number of bursts at a carrier until the reference is steady. If it never is, the last burst is kept and flagged.
+    #[key(default = 8, whole(1, 1000))]
     pub bursts: u32,
-    /// Signal that the echo is divided by: cable loopback or antenna leakage.
+    /// Phase reference: a loopback cable from the transmitter to receiver 0, or the direct leakage received by both antennas.
+    #[key(default = "loopback")]
     pub reference: Reference,
     /// Antenna positions; required with a leakage reference.
+    #[skip]
     pub antennas: Option<Antennas>,
     /// Clock, gains and ports of the radio.
+    #[skip]
     pub radio: Configuration,
 }
 
@@ -146,8 +167,8 @@ impl Plan {
             Order::Down => all.reverse(),
             Order::UpDown if sweep % 2 == 1 => all.reverse(),
             Order::UpDown => {}
-            Order::Shuffled(seed) => {
-                let mut random = ChaCha8Rng::seed_from_u64(seed);
+            Order::Shuffled => {
+                let mut random = ChaCha8Rng::seed_from_u64(self.seed);
                 random.set_stream(sweep);
                 // Fisher-Yates shuffle.
                 for i in (1..all.len()).rev() {

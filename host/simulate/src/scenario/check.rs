@@ -11,8 +11,8 @@ use subaperture_model::radar::{Radar, Reference, Waveform};
 use subaperture_model::track::Trajectory;
 
 use super::error::Fault;
-use super::values::Values;
-use subaperture_describe::radar::transmission_s;
+use super::keys::{PlatformKeys, PlatformMotion, ScenarioKeys};
+use subaperture_describe::radar::{RadarKeys, WaveformKeys, transmission_s};
 
 /// Number of intervals between checked pulses.
 const CHECKED_PULSES: usize = 256;
@@ -95,18 +95,17 @@ pub(super) fn place_window(radar: &mut Radar, track: &dyn Trajectory, reference:
 }
 
 /// All inconsistencies, the first of each kind.
-pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Fault> {
-    let (radar_values, platform) = (top.section("radar"), top.section("platform"));
+pub(super) fn check(top: &ScenarioKeys, experiment: &Experiment) -> Vec<Fault> {
+    let (keys, platform) = (&top.radar, &top.platform);
     let radar = &experiment.radar;
     let mut faults = Vec::new();
     let taken_s = transmission_s(&radar.waveform);
     if taken_s > radar.pri_s * (1.0 + 1e-9) {
-        let key = if radar_values.keys.contains_key("prf") {
-            "prf"
-        } else {
-            "pri"
+        let key = match keys.prf_hz.is_some() {
+            true => keys.prf_hz.at(),
+            false => keys.pri_s.at(),
         };
-        faults.push(radar_values.fault(
+        faults.push(Fault::new(
             key,
             format!(
                 "the pulse repetition interval of {} is shorter than a pulse of {}: lengthen pri or shorten the pulse",
@@ -116,14 +115,11 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Fault> {
         ));
     }
     if radar.num_pulses < radar.transmitters.len() {
-        faults.push(radar_values.fault(
-            "pulses",
-            format!(
-                "{} transmitters alternate over {} pulses, so that some never transmit: raise pulses",
-                radar.transmitters.len(),
-                radar.num_pulses
-            ),
-        ));
+        faults.push(keys.pulses.fault(format!(
+            "{} transmitters alternate over {} pulses, so that some never transmit: raise pulses",
+            radar.transmitters.len(),
+            radar.num_pulses
+        )));
     }
     let looks = snapshots(radar, &*experiment.track);
     let far = |look: &&Snapshot| {
@@ -132,7 +128,7 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Fault> {
     };
     if let Some(look) = looks.iter().find(far) {
         faults.push(Fault::new(
-            &platform.at,
+            &platform.header,
             format!(
                 "at pulse {} the radar is more than 1e9 m from the scene: shorten its track",
                 look.pulse
@@ -140,14 +136,14 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Fault> {
         ));
         return faults;
     }
-    faults.extend(window(radar_values, experiment, &looks));
-    faults.extend(inside(top, experiment, &looks));
+    faults.extend(window(keys, experiment, &looks));
+    faults.extend(inside(platform, experiment, &looks));
     faults.extend(aperture(platform, experiment, &looks));
     faults
 }
 
 /// Check that the receive window or the sampled beat frequencies contain the reference.
-fn window(values: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
+fn window(keys: &RadarKeys, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
     let delays = looks
         .iter()
         .map(|look| (look.pulse, look.reference_delays_s(experiment.reference)));
@@ -177,13 +173,11 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Optio
                         && middle.1 + shape.duration_s() <= end_s + slack_s;
                     return Some(match (&travel(experiment, looks), middle_is_seen) {
                         // The radar travels too far; the window itself is well placed.
-                        (Some(travel), true) => {
-                            values.fault("pulses", format!("{missed}: {travel}"))
-                        }
-                        _ => values.fault(
-                            match values.keys.contains_key("window_start") {
-                                true => "window_start",
-                                false => "samples",
+                        (Some(travel), true) => keys.pulses.fault(format!("{missed}: {travel}")),
+                        _ => Fault::new(
+                            match &keys.window_start_s {
+                                Some(window_start_s) => window_start_s.at(),
+                                None => keys.samples.at(),
                             },
                             format!("{missed}: move or lengthen the window"),
                         ),
@@ -200,9 +194,10 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Optio
                     .abs()
                     .max((most_s - mixer_delay_s).abs());
                 let beat_hz = chirp_hz_s.abs() * late_s;
-                if beat_hz > sample_rate_hz / 2.0 {
-                    return Some(values.fault(
-                        "sample_rate",
+                if let WaveformKeys::Fmcw(fmcw) = &keys.kind
+                    && beat_hz > sample_rate_hz / 2.0
+                {
+                    return Some(fmcw.sample_rate_hz.fault(
                         format!(
                             "in pulse {pulse} the reference's beat frequency is {}, beyond half the sample rate: \
                              raise it, sweep slower or set mixer_delay to about {}",
@@ -233,7 +228,7 @@ fn travel(experiment: &Experiment, looks: &[Snapshot]) -> Option<String> {
 }
 
 /// Check that the radar is outside of the scene.
-fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
+fn inside(platform: &PlatformKeys, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
     let wavelength_m = SPEED_OF_LIGHT_M_S / experiment.radar.waveform.centre_hz();
     let (point, ground_m) = match experiment.reference {
         Reference::Point(point) => (Some(point), point.z),
@@ -251,7 +246,7 @@ fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<F
     let look = looks.iter().find(|look| look.antennas_m().any(within))?;
     let antenna = look.antennas_m().find(|&antenna| within(antenna))?;
     Some(Fault::new(
-        &top.section("platform").at,
+        &platform.header,
         format!(
             "at pulse {} the radar is inside the scene, at {:.3}, {:.3}, {:.3} m: move the platform out \
              of [scene] x and y and away from the reference",
@@ -261,17 +256,17 @@ fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<F
 }
 
 /// Check that radar or scene move, so that there is an aperture.
-fn aperture(platform: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
+fn aperture(platform: &PlatformKeys, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
     let still = looks.iter().all(|look| {
         look.antennas_m()
             .zip(looks[0].antennas_m())
             .all(|(now, first)| now.distance(first) < 1e-9)
     });
-    let meant = platform.text("kind") == "fixed";
+    let meant = matches!(platform.kind, PlatformMotion::Fixed { .. });
     let sees_motion = !experiment.scene.movers.is_empty();
     (still && !meant && !sees_motion && looks.len() > 1).then(|| {
         Fault::new(
-            &platform.at,
+            &platform.header,
             "the radar does not move from the first pulse to the last, so there is no aperture: give it \
              speed, or set kind = \"fixed\" for a stationary radar",
         )

@@ -55,7 +55,8 @@ use std::path::{Path, PathBuf};
 use super::engine::Method;
 use super::experiment::Experiment;
 use error::{ALLOW_MORE_MEMORY, Fault};
-use subaperture_describe::{Description, error, radar, values};
+use keys::{ScenarioKeys, Summation};
+use subaperture_describe::{Description, error};
 
 pub use keys::reference;
 pub use subaperture_describe::{DescriptionError as ScenarioError, RenderedFault};
@@ -128,12 +129,12 @@ impl Scenario {
                  info or subap focus (a scenario has no [recording])",
             )]);
         }
-        let top = self.0.resolve(&keys::SCHEMA)?;
+        let top: ScenarioKeys = self.0.resolve_as(&keys::SCHEMA)?;
         let folder = self.0.folder();
-        let seed = top.count("seed");
+        let seed = top.seed;
         let one = |found| vec![found];
-        let place = scene::place(top.section("scene")).map_err(one)?;
-        let mut radar = radar::build(top.section("radar"))?;
+        let place = scene::place(&top.scene).map_err(one)?;
+        let mut radar = top.radar.build()?;
         let pulses_bytes = BYTES_A_PULSE
             .saturating_mul(radar.num_pulses as u64)
             .saturating_mul(radar.receivers.len() as u64);
@@ -143,12 +144,12 @@ impl Scenario {
                  pulses, or {ALLOW_MORE_MEMORY}",
                 radar.num_pulses
             );
-            return Err(vec![top.section("radar").fault("pulses", what)]);
+            return Err(vec![top.radar.pulses.fault(what)]);
         }
         let tracks = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
         check::place_window(&mut radar, &*tracks.track, place.reference);
         let scene = scene::build(
-            top.section("scene"),
+            &top.scene,
             &radar,
             seed,
             folder,
@@ -156,7 +157,7 @@ impl Scenario {
         )
         .map_err(one)?;
         let experiment = Experiment {
-            name: top.text("name").to_owned(),
+            name: top.name.clone(),
             frame: place.frame,
             extent: place.extent,
             radar,
@@ -165,16 +166,15 @@ impl Scenario {
             scene,
             reference: place.reference,
             seed,
-            method: match top.text("method") {
-                "sum" => Method::Sum,
-                _ => Method::Fast,
+            method: match top.method {
+                Summation::Sum => Method::Sum,
+                Summation::Fast => Method::Fast,
             },
         };
         let faults = check::check(&top, &experiment);
         if !faults.is_empty() {
             return Err(faults);
         }
-        debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
         Ok(experiment)
     }
 }

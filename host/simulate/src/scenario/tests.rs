@@ -32,7 +32,7 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
     if !section.path.is_empty() {
         let _ = writeln!(text, "{}", section.header());
     }
-    for key in section.keys {
+    for key in &section.keys {
         if !key.when.is_empty() && !key.when.contains(&variant) {
             continue;
         }
@@ -54,8 +54,8 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
 /// Scenario with `section` at `variant`, and the required part of all other sections.
 fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> String {
     let mut text = String::new();
-    for other in SCHEMA.sections {
-        if std::ptr::eq(*other, section) {
+    for other in &SCHEMA.sections {
+        if std::ptr::eq(other, section) {
             write_section(&mut text, section, variant, all, second);
         } else if other.path == "radar" {
             let kind = if section.path == "radar.pulse" {
@@ -101,7 +101,7 @@ fn files() -> tempfile::TempDir {
 fn every_key_is_accepted_and_read() {
     let folder = files();
     let mut seen = BTreeSet::new();
-    for section in SCHEMA.sections {
+    for section in &SCHEMA.sections {
         for variant in variants(section) {
             for (all, second) in [(false, false), (true, false), (true, true)] {
                 let mut text = scenario_with(section, variant, all, second);
@@ -120,9 +120,9 @@ fn every_key_is_accepted_and_read() {
                     panic!("{} {variant}: {error}\n{text}", section.path);
                 }
                 let header = section.header();
-                for key in section.keys {
+                for key in &section.keys {
                     let line = format!("\n{} = ", key.name);
-                    let part = match section.path {
+                    let part = match &*section.path {
                         "" => format!("\n{text}"),
                         _ => {
                             let start = text.find(&header).unwrap();
@@ -131,16 +131,16 @@ fn every_key_is_accepted_and_read() {
                         }
                     };
                     if part.contains(&line) {
-                        seen.insert((section.path, key.name));
+                        seen.insert((&*section.path, key.name));
                     }
                 }
             }
         }
     }
-    for section in SCHEMA.sections {
-        for key in section.keys {
+    for section in &SCHEMA.sections {
+        for key in &section.keys {
             assert!(
-                seen.contains(&(section.path, key.name)),
+                seen.contains(&(&*section.path, key.name)),
                 "{} {}",
                 section.path,
                 key.name
@@ -153,16 +153,16 @@ fn every_key_is_accepted_and_read() {
 fn key_table_is_consistent() {
     let reference = reference();
     let mut paths = BTreeSet::new();
-    for section in SCHEMA.sections {
-        assert!(paths.insert(section.path), "{} twice", section.path);
+    for section in &SCHEMA.sections {
+        assert!(paths.insert(&*section.path), "{} twice", section.path);
         let parent = section.parent();
         assert!(
             parent.is_none_or(|path| paths.contains(path)),
             "{}",
             section.path
         );
-        let mut names: BTreeSet<&str> = SCHEMA.within(section.path).map(Section::name).collect();
-        for key in section.keys {
+        let mut names: BTreeSet<&str> = SCHEMA.within(&section.path).map(Section::name).collect();
+        for key in &section.keys {
             assert!(
                 names.insert(key.name),
                 "{} {} twice",

@@ -22,18 +22,14 @@ pub(crate) const EXAMPLE: &str = include_str!("example.toml");
 
 /// Every key of a job.
 pub(crate) static SCHEMA: LazyLock<Schema> = LazyLock::new(|| Schema {
-    sections: sections()
-        .into_iter()
-        .map(|section| &*Box::leak(Box::new(section)))
-        .collect::<Vec<_>>()
-        .leak(),
+    sections: sections(),
     introduction: "A job: recordings, how they are focused, and the products of the image.",
 });
 
 /// Names of all sections except the top level, in order.
 pub(crate) fn section_names() -> Vec<&'static str> {
     let sections = SCHEMA.sections.iter();
-    let names = sections.map(|section| section.path);
+    let names = sections.map(|section| &*section.path);
     names.filter(|name| !name.is_empty()).collect()
 }
 
@@ -212,12 +208,12 @@ fn section<T: Args>(
         .filter(|arg| !NOT_KEYS.contains(&arg.get_id().as_str()))
         .map(|arg| key(path, arg, rule(arg, rules)));
     Section {
-        path,
+        path: path.to_owned(),
         presence: Presence::Always,
         when: &[],
         selector,
         doc,
-        keys: keys.collect::<Vec<_>>().leak(),
+        keys: keys.collect(),
     }
 }
 

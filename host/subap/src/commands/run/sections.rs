@@ -181,7 +181,7 @@ impl Sections {
             *path = job.path(&path);
         }
         // A number is the name of a file if there is one.
-        if let Some(text) = job.values().section("grid").optional_text("geoid") {
+        if let Some(text) = job.values().section("grid").key::<Option<String>>("geoid") {
             let path = job.path(text);
             if path.exists() || matches!(self.grid.geoid, Some(GeoidSource::File(_))) {
                 self.grid.geoid = Some(GeoidSource::File(path));

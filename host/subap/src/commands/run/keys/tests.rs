@@ -20,14 +20,14 @@ fn job(text: &str) -> Result<(JobText, Sections), DescriptionError> {
 fn the_example_is_a_job_and_names_every_section_and_key() {
     let (job, _) = job(EXAMPLE).unwrap();
     assert_eq!(job.path("a.cphd"), Path::new("/data/a.cphd"));
-    for section in SCHEMA.sections {
+    for section in &SCHEMA.sections {
         let header = section.header();
         assert!(
             section.path.is_empty() || EXAMPLE.contains(&header),
             "{header}"
         );
-        for key in section.keys {
-            let example = example(section.path, key.name);
+        for key in &section.keys {
+            let example = example(&section.path, key.name);
             assert!(!example.is_empty(), "{header} {}", key.name);
             assert!(!key.doc.is_empty(), "{header} {}", key.name);
             if let Requirement::Default(default) = key.need
@@ -47,15 +47,15 @@ fn every_example_of_the_example_is_valid() {
         ("former", "algorithm"),
         ("picture", "remap"),
     ];
-    for section in SCHEMA.sections {
-        for key in section.keys {
+    for section in &SCHEMA.sections {
+        for key in &section.keys {
             let selector = selected.iter().find(|(name, _)| *name == section.path);
             let mut lines = vec![format!("{} = {}", key.name, key.example())];
             if let (Some((_, selector)), [value, ..]) = (selector, key.when) {
                 lines.push(format!("{selector} = \"{value}\""));
             }
             // Keys that others need.
-            lines.extend(match (section.path, key.name) {
+            lines.extend(match (&*section.path, key.name) {
                 ("former", "squint") => Some("beam = \"auto\"".to_owned()),
                 ("track", "navigation_start" | "lever_arm") => {
                     Some("navigation = \"a.log\"".to_owned())
@@ -63,7 +63,7 @@ fn every_example_of_the_example_is_valid() {
                 _ => None,
             });
             let lines = lines.join("\n");
-            let text = match section.path {
+            let text = match &*section.path {
                 "" => format!("{lines}\n[input]\nfiles = \"a\"\n"),
                 "input" if key.name == "files" => format!("[input]\n{lines}\n"),
                 "input" => format!("[input]\nfiles = \"a\"\n{lines}\n"),
