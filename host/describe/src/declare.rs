@@ -71,7 +71,7 @@ pub use subaperture_describe_derive::{Choice, section};
 pub trait Declared: Sized {
     /// Doc comment of the struct.
     const DOC: &'static str;
-    /// Name of the key that selects the applicable keys; empty if there is none.
+    /// Name of the key that selects the applicable keys, or an empty text.
     const SELECTOR: &'static str;
 
     /// Keys of the section.
@@ -125,7 +125,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// No limits.
+    /// Any value of the type; a quantity is a ratio.
     pub const NONE: Self = Self {
         dimension: Dimension::Ratio,
         bounds: Bounds::Any,
@@ -321,7 +321,7 @@ impl<T: KeyType> KeyType for Located<T> {
     }
 }
 
-/// Restrict keys to values of a selector; those that are already restricted stay as they are.
+/// Restrict keys to values of a selector; keys with a restriction of their own keep it.
 pub fn applicable(keys: Vec<Key>, when: &'static [&'static str]) -> impl Iterator<Item = Key> {
     keys.into_iter().map(move |key| match key.when {
         [] => key.when(when),
@@ -329,7 +329,7 @@ pub fn applicable(keys: Vec<Key>, when: &'static [&'static str]) -> impl Iterato
     })
 }
 
-/// The first of these names that is not empty; empty if there is none.
+/// The first of these names that is not empty, or an empty text.
 pub const fn first(names: &[&'static str]) -> &'static str {
     match names {
         [] => "",

@@ -14,8 +14,8 @@
 //! ```
 //!
 //! A section is declared once, as a struct: from its fields come the schema and the values, so that a builder names a field,
-//! never a key as text, and the compiler reports fields that no builder reads. What one key cannot state alone (that one of two keys is
-//! given, that an interval is long enough) is ordinary code of the builder, whose faults point at a [`declare::Located`] value.
+//! never a key as text, and the compiler reports fields that no builder reads. Conditions on several keys (that one of two keys is
+//! given, that an interval is long enough) are ordinary code of the builder, whose faults point at a [`declare::Located`] value.
 //!
 //! A setting overrides one key of the text, such as `radar.pri` or `scene.point[0].position`. Its errors name the key
 //! instead of a line.

@@ -83,18 +83,18 @@ pub struct RadarKeys {
 /// Direction of a frequency sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Sweep {
-    /// Rising.
+    /// Frequency rises with time.
     Up,
-    /// Falling.
+    /// Frequency falls with time.
     Down,
 }
 
 /// Motion of radar and scatterers within a pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum IntraPulse {
-    /// At rest during a pulse.
+    /// Radar and scatterers rest during a pulse.
     StopAndGo,
-    /// As it is.
+    /// Radar and scatterers move.
     True,
 }
 
@@ -182,10 +182,10 @@ pub struct BeamKeys {
 #[section]
 #[derive(Clone, Debug)]
 pub struct AntennaKeys {
-    /// Name and position.
+    /// Name and position on the body.
     #[keys]
     pub mount: MountKeys,
-    /// Direction and pattern.
+    /// Direction and pattern of the beam.
     #[keys]
     pub beam: BeamKeys,
 }
@@ -406,7 +406,7 @@ impl PulseKeys {
     }
 }
 
-/// Antennas of a kind; a single isotropic antenna at the body's origin if none is given. Names default to `letter` and a number.
+/// Antennas of a kind; without any, a single isotropic antenna at the body's origin. Names default to `letter` and a number.
 pub fn antennas_of<'k>(
     given: impl Iterator<Item = (&'k MountKeys, &'k BeamKeys)>,
     letter: &str,

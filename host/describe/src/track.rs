@@ -12,7 +12,7 @@ use crate::error::Fault;
 /// Time at which a position on the track is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum At {
-    /// Time 0.
+    /// Time 0 of the platform's clock.
     Start,
     /// Middle of the collection.
     Middle,
@@ -77,9 +77,9 @@ impl TurnKeys {
 pub enum Record {
     /// Position and attitude, with their standard deviations.
     Inspvax,
-    /// Position and attitude.
+    /// Position and attitude, without deviations.
     Inspva,
-    /// Position.
+    /// Position without an attitude.
     Bestpos,
 }
 

@@ -47,7 +47,7 @@ pub struct LocatedValue {
 pub struct Values {
     /// Position of the section's header.
     pub at: Location,
-    /// Values by key.
+    /// Values by the name of their key.
     pub keys: BTreeMap<&'static str, LocatedValue>,
     /// Subsections by name; several under one name for an array of tables.
     pub within: BTreeMap<String, Vec<Values>>,
@@ -64,7 +64,7 @@ impl Values {
         Fault::new(self.at(key), message)
     }
 
-    /// Subsections called `name`; empty if there are none.
+    /// Subsections called `name`, in the order of the text.
     pub fn sections(&self, name: &str) -> &[Self] {
         self.within.get(name).map_or(&[], Vec::as_slice)
     }

@@ -242,6 +242,13 @@ fn short_docs(text: &str) -> Vec<(usize, String)> {
                 let (_, text) = block.get_or_insert((number + 1, String::new()));
                 text.push_str(doc);
             }
+            // Text of the key reference (`describe::declare`).
+            None if ["#[key", "#[section"]
+                .iter()
+                .any(|of| line.trim_start().starts_with(of)) =>
+            {
+                block = None;
+            }
             None => found.extend(block.take()),
         }
     }

@@ -25,13 +25,13 @@ pub(crate) enum Part {
     Skip,
 }
 
-/// Arguments of `#[key(...)]`.
+/// Need, limits and selector of a key: the arguments of `#[key(...)]`.
 pub(crate) struct KeyArgs {
     /// Variant of `Requirement`: `Required`, `Default` or `Optional`.
     need: Ident,
     /// TOML text of the default or the example.
     text: String,
-    /// Fields of `Limits`.
+    /// Fields of `Limits` with their values.
     limits: TokenStream,
     /// Variants of the selector.
     pub(crate) select: Vec<Ident>,
@@ -116,8 +116,8 @@ impl Declared {
             Part::Key(key) => {
                 let (need, text, limits) = (&key.need, &key.text, &key.limits);
                 let check = (key.need == "Optional").then(|| {
-                    let what = format!("key `{name}` may be absent: expected an Option");
-                    quote_spanned!(ty.span()=> const { assert!(<#ty as declare::KeyType>::MAY_BE_ABSENT, #what) };)
+                    let message = format!("key `{name}` may be absent: expected an Option");
+                    quote_spanned!(ty.span()=> const { assert!(<#ty as declare::KeyType>::MAY_BE_ABSENT, #message) };)
                 });
                 let chosen = words(&key.select);
                 let kind = match key.select.is_empty() {
@@ -238,7 +238,7 @@ fn idents(input: ParseStream) -> Result<Vec<Ident>, Error> {
     Ok(all.into_iter().collect())
 }
 
-/// `when(A, B)`.
+/// Variants of the selector in `when(A, B)`.
 fn only_when(input: ParseStream) -> Result<Vec<Ident>, Error> {
     let name: Ident = input.parse()?;
     match name == "when" {

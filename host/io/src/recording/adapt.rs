@@ -53,7 +53,7 @@ pub(super) fn adapt(
     let (waveform, motion) = match &*radar.kind {
         WaveformKeys::Profiles(profiles) => {
             let built = from_profiles(radar, &profiles.band_hz, source, &samples, &header, raw)?;
-            return built.map_err(|what| recording.file.fault(what));
+            return built.map_err(|fault| recording.file.fault(fault));
         }
         WaveformKeys::Fmcw(fmcw) => {
             let waveform = Waveform::Fmcw {
@@ -76,7 +76,7 @@ pub(super) fn adapt(
     };
     let moves = motion == IntraPulse::True;
     from_echoes(radar, waveform, moves, &samples, &header, raw)?
-        .map_err(|what| recording.file.fault(what))
+        .map_err(|fault| recording.file.fault(fault))
 }
 
 /// Check that memory suffices for the samples as read, in the adapter, and as phase history.
@@ -350,8 +350,9 @@ fn pulsed(radar: &RadarKeys, keys: &WaveformKeysPulsed, count: usize) -> Result<
         )));
     }
     let centre = radar.centre_hz.as_ref().ok_or_else(|| {
-        let what = "the echoes are complex: give 'centre', the frequency that 0 Hz corresponds to";
-        radar.kind.fault(what)
+        radar
+            .kind
+            .fault("the echoes are complex: give 'centre', the frequency that 0 Hz corresponds to")
     })?;
     Ok(Waveform::Pulsed {
         centre_hz: **centre,

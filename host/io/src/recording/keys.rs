@@ -136,7 +136,7 @@ pub(super) enum Order {
     Iiqq,
     /// I and Q alternating.
     Iqiq,
-    /// Real numbers only.
+    /// Real numbers without Q.
     Real,
 }
 
@@ -155,7 +155,7 @@ pub(super) enum TimeUnit {
 }
 
 impl TimeUnit {
-    /// Seconds per unit.
+    /// Length of the unit in seconds.
     pub(super) fn seconds(self) -> f64 {
         match self {
             Self::S => 1.0,
@@ -400,7 +400,7 @@ pub(super) enum LengthUnit {
 }
 
 impl LengthUnit {
-    /// Metres per unit.
+    /// Length of the unit in metres.
     pub(super) fn metres(self) -> f64 {
         match self {
             Self::M => 1.0,

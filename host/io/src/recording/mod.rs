@@ -1,6 +1,6 @@
 //! Raw recordings described in TOML: sample format, waveform, times and antenna track.
 //!
-//! A description is TOML text like a scenario: quantities have units, every key is checked against one table, which
+//! A description is TOML text like a scenario: quantities have units, every key is checked against the schema, which
 //! [`reference()`] prints, and errors state their line. It names the files of the samples, the radar type (`[radar]
 //! kind`) and the motion of the antennas (`[platform]`). [`crate::receive`] converts the recording to phase history,
 //! as for simulated echoes.

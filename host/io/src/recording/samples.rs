@@ -202,9 +202,9 @@ fn array(
     let recording = source.recording;
     let receivers = *recording.receivers;
     let turned = layout == Layout::SamplesPulses;
-    let fault = |what: String| match name {
-        Some(name) => name.fault(what),
-        None => recording.file.fault(what),
+    let fault = |message: String| match name {
+        Some(name) => name.fault(message),
+        None => recording.file.fault(message),
     };
     let mut pieces: Vec<(PathBuf, Arc<Array>, usize)> = Vec::new();
     let mut size: Option<(usize, bool)> = None;

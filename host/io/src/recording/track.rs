@@ -163,9 +163,9 @@ fn poses(
         MotionKeys::Fixed(keys) => line(keys.position_m, DVec3::ZERO, 0.0),
         MotionKeys::Circular(keys) => {
             let speed_m_s = platform.speed_m_s.ok_or_else(|| {
-                let what =
+                let message =
                     "motion on a circle needs 'speed': write for example speed = \"0.1 m/s\"";
-                Fault::new(&platform.header, what)
+                Fault::new(&platform.header, message)
             })?;
             let at_s = keys.at.time_s(middle_s);
             keys.turn

@@ -1,6 +1,6 @@
 //! Scenarios: TOML descriptions of a simulation, converted into an [`Experiment`].
 //!
-//! Quantities carry units (`pri = "1 ms"`), and the text is checked against one table of keys, which [`reference()`]
+//! Quantities carry units (`pri = "1 ms"`), and the text is checked against a schema, which [`reference()`]
 //! prints. Errors give file, line and column, show the line, and say what to do; several faults are reported at once.
 //!
 //! ```text

@@ -77,8 +77,8 @@ fn nominal(
         }
         PlatformMotion::Rail(keys) => {
             if keys.from_m.distance(*keys.to_m) < 1e-9 {
-                let what = "the rail has zero length: move one of its ends";
-                return Err(keys.to_m.fault(what));
+                let message = "the rail has zero length: move one of its ends";
+                return Err(keys.to_m.fault(message));
             }
             Arc::new(Rail {
                 from_m: keys.from_m,
