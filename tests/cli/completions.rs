@@ -7,8 +7,7 @@ use std::process::Command;
 
 use subaperture_tests::subap::run;
 
-/// Does what bash does when TAB is pressed after the last of its arguments: calls the function that the script registers, and offers
-/// files if it has no offer.
+/// Completes the last of its arguments like bash: calls the function that the script registers, and offers files if it has no offer.
 const PRESS_TAB: &str = r#"
 source ./completions.bash
 registered=$(complete -p subap)

@@ -8,7 +8,7 @@ use super::transfer::Transfer;
 use crate::engine::WireEngine;
 
 impl<E: WireEngine> Module<'_, E> {
-    /// Do one processing step, unless a map waits to be sent. Returns false if there was nothing to do.
+    /// Do one processing step, unless a map waits to be sent. Returns whether there was a step to do.
     pub(super) fn work(&mut self) -> bool {
         if self.increments.is_configured() {
             return self.work_on_increments();

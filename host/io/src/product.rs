@@ -81,9 +81,9 @@ impl TiledProduct<'_> {
         let tiling = self.store.tiling();
         let image = json!({ "tiles": tiling.count(), "bytes": tiles::disk_bytes(&tiling) });
         let files = json!({ tiles::NAME: image });
-        let beside = write_beside(folder, self.metadata, self.quicklook, files)?;
+        let others = write_beside(folder, self.metadata, self.quicklook, files)?;
         let store = WrittenFile::new(folder.join(tiles::NAME), FileKind::Image);
-        Ok([store].into_iter().chain(beside).collect())
+        Ok([store].into_iter().chain(others).collect())
     }
 }
 

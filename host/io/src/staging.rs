@@ -201,7 +201,7 @@ impl Staged {
 /// Files of a staging folder. Their paths are relative to it.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
-    /// All files.
+    /// All files, marks included.
     pub(super) files: Vec<StagedEntry>,
     /// Files of an older set that the new one lacks.
     pub(super) gone: Vec<&'static str>,

@@ -13,11 +13,11 @@ pub enum FileKind {
     Image,
     /// Settings and figures in JSON.
     Record,
-    /// PNG.
+    /// Image or chart in PNG.
     Picture,
     /// Page or table for readers: HTML or Markdown.
     Report,
-    /// CPHD.
+    /// Phase history of a collection, CPHD.
     #[serde(rename = "phase history")]
     PhaseHistory,
     /// Description of raw samples: TOML, or SigMF metadata.
@@ -33,24 +33,24 @@ pub enum FileKind {
     PhaseCorrection,
     /// Calibration of a stepped-frequency radar.
     Calibration,
-    /// Maps of an embedded module.
+    /// Range-Doppler maps of an embedded module.
     Maps,
-    /// Plan of an image.
+    /// Plan of an image, executed by any computer.
     Plan,
     /// Timing model of a computer.
     #[serde(rename = "timing model")]
     TimingModel,
-    /// Complex image in NITF.
+    /// Complex image in NITF, SICD.
     Sicd,
-    /// Grey levels in NITF.
+    /// Image of grey levels in NITF, SIDD.
     Sidd,
-    /// Cloud-optimised GeoTIFF.
+    /// Map as cloud-optimised GeoTIFF.
     Cog,
-    /// Ground overlay.
+    /// Map as ground overlay for Google Earth.
     Kmz,
     /// Picture with a world file.
     Png,
-    /// Stack of images.
+    /// Stack of images in Zarr.
     Zarr,
     /// File that places or describes a map: STAC item, world file, projection file.
     Sidecar,
@@ -63,7 +63,7 @@ pub struct WrittenFile {
     /// Path as given to the writer.
     #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
-    /// Kind.
+    /// Kind of its content.
     pub kind: FileKind,
     /// Channels of a phase history or a described recording; empty for other files.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -73,16 +73,16 @@ pub struct WrittenFile {
 /// Size of a recorded channel.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ChannelSize {
-    /// Identifier.
+    /// Identifier of the channel.
     pub channel: String,
-    /// Number of pulses.
+    /// Number of its pulses.
     pub pulses: usize,
     /// Number of samples of a pulse.
     pub samples: usize,
 }
 
 impl WrittenFile {
-    /// File without channels.
+    /// File of this kind, without channels.
     pub fn new(path: impl Into<PathBuf>, kind: FileKind) -> Self {
         Self {
             path: path.into(),
@@ -91,7 +91,7 @@ impl WrittenFile {
         }
     }
 
-    /// With these channels.
+    /// This file with these channels.
     #[must_use]
     pub fn with_channels(mut self, channels: Vec<ChannelSize>) -> Self {
         self.channels = channels;

@@ -187,12 +187,12 @@ fn defined<'a>(tokens: &[&'a str]) -> BTreeSet<&'a str> {
     defined
 }
 
-/// One file.
+/// File of a crate, without comments and tests.
 struct Source<'a> {
     tokens: Vec<&'a str>,
     defined: BTreeSet<&'a str>,
     imports: Vec<Import<'a>>,
-    /// Paths in code.
+    /// Paths outside of imports.
     paths: Vec<Vec<&'a str>>,
 }
 

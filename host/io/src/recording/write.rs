@@ -263,7 +263,7 @@ impl<'a> Plan<'a> {
         names.into_iter().chain(&self.receiver).map(String::as_str)
     }
 
-    /// Arrays and description.
+    /// Arrays and description of the channel.
     fn entries(&self) -> impl Iterator<Item = StagedEntry> {
         let collection = self.echoes.collection();
         let channel = ChannelSize {

@@ -35,7 +35,7 @@ const MAX_LISTED: usize = 4;
 pub struct FinishedStage {
     /// Dependencies with which the stage ran.
     pub basis: Basis,
-    /// Output files.
+    /// Output files with their kinds.
     pub outputs: Vec<StageOutput>,
     /// Processing time, seconds; for a resumed stage that of its last run.
     pub seconds: f64,

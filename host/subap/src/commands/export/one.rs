@@ -1,4 +1,4 @@
-//! Export of one image: what to write, and what was written.
+//! Export of one image: its task and its result.
 
 use std::path::{Path, PathBuf};
 
