@@ -44,14 +44,15 @@ use serde_json::json;
 
 use self::choice::Shares;
 use self::parts::PulseParts;
+use super::Entry;
+use super::algorithm::Algorithm;
+use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use super::{Entry, of};
 use crate::compared::SWATH;
-use crate::former_choices::{FormerChoices, misfit};
+use crate::former_choices::misfit;
 use crate::patch::{PatchSize, Patches};
 use crate::{
-    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
-    Reason, Remedy, rounding,
+    Decision, ErrorGoal, FormError, Forming, ImageSpec, MARGIN_DB, Reason, Remedy, rounding,
 };
 use subaperture_kernels::tile::{self, MAX_DEGREE, Pieces};
 use subaperture_model::monitor::Monitor;
@@ -71,52 +72,21 @@ pub struct Backprojection {
     pub error_db: f64,
 }
 
-impl Default for Backprojection {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-        }
-    }
-}
+error_bound!(Backprojection {});
 
-impl Backprojection {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db }
-    }
-}
+impl Algorithm for Backprojection {
+    const ENTRY: Entry = Entry::new::<Self>(
+        "bp",
+        "backprojection: every pulse's range profile interpolated at every pixel",
+        &[ERROR_DB],
+    );
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "bp",
-    summary: "backprojection: every pulse's range profile interpolated at every pixel",
-    options: &[ERROR_DB],
-    of: of::<Backprojection>,
-};
+    const FOLLOWS_RELIEF: bool = true;
 
-impl ImageFormer for Backprojection {
-    fn name(&self) -> &'static str {
-        ENTRY.name
-    }
-
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
-    }
-
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
+    type Choices = Choices;
 
     fn follows_sweeps(&self) -> bool {
         true
-    }
-
-    fn follows_relief(&self) -> bool {
-        true
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db }))
     }
 
     fn decide(
@@ -124,16 +94,16 @@ impl ImageFormer for Backprojection {
         spec: &ImageSpec,
         goal: &ErrorGoal,
         _: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
+    ) -> Result<Decision<Choices>, FormError> {
         decide(spec, self.error_db, goal, Meaning::Places)
     }
 
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &FormerChoices,
+        choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        open(spec, choices.of(ENTRY.name)?, Meaning::Places)
+        open(spec, choices, Meaning::Places)
     }
 }
 
@@ -143,7 +113,7 @@ pub(crate) fn decide(
     error_db: f64,
     goal: &ErrorGoal,
     meaning: Meaning,
-) -> Result<Decision, FormError> {
+) -> Result<Decision<Choices>, FormError> {
     let collection = spec.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
     let shares = Shares::of(error_db);
@@ -213,7 +183,7 @@ pub(crate) fn decide(
         settings["pulse_parts"] = blurs.parts.into();
     }
     Ok(Decision {
-        choices: FormerChoices::new(choices),
+        choices,
         settings,
         planned_db,
         grain: Patches::new(spec.grid, PatchSize::square(side)).size(),
@@ -280,7 +250,7 @@ impl Choices {
         match way && sums {
             true => Ok(()),
             false => Err(misfit(
-                ENTRY.name,
+                Backprojection::ENTRY.name,
                 "expected sizes of range profiles, tiles and sums within their limits",
             )),
         }
