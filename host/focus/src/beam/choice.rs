@@ -198,20 +198,22 @@ fn limited(
     let Some(beam) = &chosen.beam else {
         return Ok(chosen);
     };
-    let asked = choice != BeamChoice::Stated;
-    let lit = super::check_sound(beam).and_then(|()| {
+    let requested = choice != BeamChoice::Stated;
+    let illumination = super::check_sound(beam).and_then(|()| {
         crate::check(history.collection(), grid)?;
-        blocks::lit(beam, history.collection(), grid, Window::None)
+        blocks::illumination(beam, history.collection(), grid, Window::None)
     });
-    match lit {
-        Ok(lit) if !asked && super::all_see(&lit, history.collection().pulses.len()) => {
+    match illumination {
+        Ok(illumination)
+            if !requested && super::all_see(&illumination, history.collection().pulses.len()) =>
+        {
             Ok(ChosenBeam::all_pulses(None))
         }
-        Ok(lit) => Ok(ChosenBeam {
-            num_unseen: lit.num_unseen(),
+        Ok(illumination) => Ok(ChosenBeam {
+            num_unseen: illumination.num_unseen(),
             ..chosen
         }),
-        Err(error @ FormError::Unsuited(_)) if !asked => {
+        Err(error @ FormError::Unsuited(_)) if !requested => {
             Ok(ChosenBeam::all_pulses(Some(Rejected::Unsuited {
                 source: beam.source,
                 why: error.to_string(),

@@ -51,7 +51,7 @@ struct Point {
     theory: Vec<Option<Theory>>,
     /// Theory for pulses weighted by the illumination measured from the recording.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    theory_as_lit: Vec<Option<Theory>>,
+    theory_with_gain: Vec<Option<Theory>>,
 }
 
 /// Difference from another image.
@@ -213,7 +213,7 @@ fn strongest_points(
     };
     let points = found.into_iter().map(|response| Point {
         theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
-        theory_as_lit: Vec::new(),
+        theory_with_gain: Vec::new(),
         formed: None,
         response,
     });
@@ -285,7 +285,7 @@ fn points(
         match measure_in(source.pixels(), &source.grid, target, settings) {
             Ok(response) => measured.push(Point {
                 theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
-                theory_as_lit: Vec::new(),
+                theory_with_gain: Vec::new(),
                 formed: None,
                 response,
             }),
@@ -432,7 +432,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         ]);
         for (name, theory) in [
             ("  theory", &point.theory),
-            ("  theory, as lit", &point.theory_as_lit),
+            ("  theory, with gain", &point.theory_with_gain),
         ] {
             let Some(Some(t)) = theory.get(i) else {
                 continue;
@@ -467,7 +467,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         .zip(&point.theory)
         .filter_map(wider)
         .any(|wider| wider);
-    if any_wider && point.theory_as_lit.is_empty() {
+    if any_wider && point.theory_with_gain.is_empty() {
         text::say(
             "wider than theory for pulses of equal strength: --from RECORDING shows whether the antenna beam is the reason",
         )?;

@@ -119,7 +119,7 @@ pub(crate) fn decide(
     let shares = Shares::of(error_db);
     let swath = choice::swath(spec, meaning);
     let mut motion_error = 0.0;
-    let (choices, pixel_ns, way_error) = match collection.sweeps() {
+    let (choices, pixel_ns, path_error) = match collection.sweeps() {
         true => {
             let (choices, errors) = sweeping::choose(spec, error_db - MARGIN_DB, meaning);
             motion_error = errors[1];
@@ -128,7 +128,7 @@ pub(crate) fn decide(
         }
         false => {
             let (choices, pixel_ns) = choice::choose(spec, &shares, swath.as_ref());
-            (choices, pixel_ns, shares.of_way(spec, &choices))
+            (choices, pixel_ns, shares.of_paths(spec, &choices))
         }
     };
     let parts = PulseParts::new(&spec.weights.fast, choices.num_parts());
@@ -142,7 +142,7 @@ pub(crate) fn decide(
     let summed_pulses = choices.summed_pulses;
     let planned_db = rounding::total_db(&[
         profiler.error(),
-        way_error,
+        path_error,
         profiler.rounding(),
         // Sums over blocks of pulses, and over these sums.
         rounding::sum(summed_pulses * choices.num_parts()),
@@ -159,14 +159,14 @@ pub(crate) fn decide(
     })?;
     let length = profiler.length();
     let pieces = choices.pieces(length, swath.as_ref());
-    let (each, pulse_bytes) = match choices.way {
+    let (each, pulse_bytes) = match choices.paths {
         PixelPaths::Blurs(blurs) => (
             blurs.count * blurs.parts,
             sweeping::pulse_bytes(num_samples, &blurs, length),
         ),
         _ => (1, pulse_bytes(num_samples, pieces.values())),
     };
-    let side = match choices.way {
+    let side = match choices.paths {
         PixelPaths::Tiles { side, .. } => side,
         _ => 1,
     };
@@ -179,7 +179,7 @@ pub(crate) fn decide(
             "tile_pixels": side,
             "stray_from": SWATH,
     });
-    if let PixelPaths::Blurs(blurs) = choices.way {
+    if let PixelPaths::Blurs(blurs) = choices.paths {
         settings["pulse_parts"] = blurs.parts.into();
     }
     Ok(Decision {
@@ -201,7 +201,7 @@ pub(crate) fn open<'a>(
     // Normalise before the transform sums, so that large samples stay within float32.
     let norm = spec.weights.normalisation();
     let window: Vec<f64> = spec.weights.fast.iter().map(|w| w * norm).collect();
-    if let PixelPaths::Blurs(blurs) = choices.way {
+    if let PixelPaths::Blurs(blurs) = choices.paths {
         let opened = sweeping::Opened::new(spec, &choices, blurs, &window, meaning);
         return Ok(Box::new(opened));
     }
@@ -219,7 +219,7 @@ pub(crate) fn open<'a>(
 impl Choices {
     /// Parts of a pulse.
     fn num_parts(&self) -> usize {
-        match self.way {
+        match self.paths {
             PixelPaths::Blurs(blurs) => blurs.parts,
             _ => 1,
         }
@@ -231,7 +231,7 @@ impl Choices {
         let profiles = (1.0..=MAX_OVERSAMPLING).contains(&self.oversampling)
             && (1..=MAX_DEGREE).contains(&self.degree)
             && (1..=MAX_MARGIN).contains(&self.margin);
-        let way = match self.way {
+        let valid_paths = match self.paths {
             _ if !profiles => false,
             PixelPaths::Points => true,
             PixelPaths::Tiles {
@@ -247,7 +247,7 @@ impl Choices {
             PixelPaths::Blurs(blurs) => self.degree == 1 && blurs.suit(num_samples),
         };
         let sums = (1..=SUMMED_PULSES).contains(&self.summed_pulses);
-        match way && sums {
+        match valid_paths && sums {
             true => Ok(()),
             false => Err(misfit(
                 Backprojection::ENTRY.name,

@@ -82,14 +82,14 @@ fn choice(typed: &Imaging) -> BeamChoice {
     }
 }
 
-fn describe(chosen: &ChosenBeam, beam: &Beam, asked: bool) -> String {
+fn describe(chosen: &ChosenBeam, beam: &Beam, requested: bool) -> String {
     let modulo = chosen.ambiguity_rad.map_or(String::new(), |modulo| {
         format!(
             ", modulo {:.3} deg (--squint selects the ambiguity)",
             modulo.to_degrees()
         )
     });
-    let none = match asked {
+    let none = match requested {
         true => "",
         false => "; --beam none uses all pulses for all pixels",
     };

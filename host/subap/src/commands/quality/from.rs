@@ -294,13 +294,13 @@ impl<'a> From<'a> {
         let progress = self.session.progress("measuring the beam");
         let gains = measured_gains(history, place_m, fast, &progress)?;
         progress.finish();
-        let lit = looks
+        let gained = looks
             .clone()
             .with_gain(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
         let basis = Basis::Unknown;
         Ok(Point {
             theory: theory::of_cuts(&basis, &response, &grid, Some(&looks)),
-            theory_as_lit: theory::of_cuts(&basis, &response, &grid, Some(&lit)),
+            theory_with_gain: theory::of_cuts(&basis, &response, &grid, Some(&gained)),
             formed: Some(About {
                 former: former.name(),
                 pixels: grid.rows.count,
