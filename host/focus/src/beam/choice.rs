@@ -114,7 +114,54 @@ impl fmt::Display for Rejected {
     }
 }
 
+/// Warning about the beam of an image.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum BeamWarning<'a> {
+    /// An automatic beam is not used.
+    Rejected(&'a Rejected),
+    /// No beam suppresses the azimuth ambiguities within the grid.
+    Ghosts(&'a Ghosts),
+    /// Pixels that no pulse illuminates.
+    Unseen {
+        /// Number of these pixels.
+        pixels: u64,
+        /// Number of all pixels of the grid.
+        of: u64,
+    },
+}
+
+impl fmt::Display for BeamWarning<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Rejected(rejected) => rejected.fmt(f),
+            Self::Ghosts(ghosts) => ghosts.fmt(f),
+            Self::Unseen { pixels, of } => write!(
+                f,
+                "{pixels} of {of} pixels are illuminated by no pulse: they are zero"
+            ),
+        }
+    }
+}
+
 impl ChosenBeam {
+    /// Warnings about this beam for an image on `grid`.
+    pub fn warnings(&self, grid: &ImageGrid) -> Vec<BeamWarning<'_>> {
+        let mut warnings = Vec::new();
+        match (&self.rejected, &self.ghosts) {
+            (Some(rejected), _) => warnings.push(BeamWarning::Rejected(rejected)),
+            (None, Some(ghosts)) => warnings.push(BeamWarning::Ghosts(ghosts)),
+            (None, None) => {}
+        }
+        if let pixels @ 1.. = self.num_unseen {
+            warnings.push(BeamWarning::Unseen {
+                pixels,
+                of: grid.num_pixels(),
+            });
+        }
+        warnings
+    }
+
     /// All pulses for all pixels.
     fn all_pulses(rejected: Option<Rejected>) -> Self {
         Self {

@@ -48,7 +48,7 @@ use subaperture_model::phase_history::{
 };
 use subaperture_signal::window::Window;
 
-pub use choice::{BeamChoice, ChosenBeam, Ghosts, Rejected, choose};
+pub use choice::{BeamChoice, BeamWarning, ChosenBeam, Ghosts, Rejected, choose};
 pub use estimate::{Demanded, Estimate, EstimateError, demanded, estimate};
 pub use subaperture_model::phase_history::{Aim, Beam, BeamSource, NoBeam};
 

@@ -11,8 +11,8 @@ use subaperture::plot::{
 use subaperture::quality::PixelMap;
 use subaperture::quality::response::Cut;
 
+use super::report::{Point, Report};
 use super::source::Source;
-use super::{Point, Report};
 use crate::interrupt;
 
 /// Lower limit of cuts, dB.
