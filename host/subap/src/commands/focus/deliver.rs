@@ -166,7 +166,7 @@ pub(super) fn deliver(
     report(session, typed, record, &products)
 }
 
-/// The result as JSON. All settings and figures are in the record, which is among its files.
+/// The result as JSON. The record, which is among its files, contains all settings and figures.
 fn summary(typed: &Focus, record: &Record, image: &str, products: &[Written]) -> Value {
     let Record {
         settings,
@@ -189,12 +189,12 @@ fn summary(typed: &Focus, record: &Record, image: &str, products: &[Written]) ->
         "former": former,
         "grid": {
             "kind": if grid.polar { "polar" } else { "cartesian" },
-            "columns": { "count": grid.columns.count, "step": grid.columns.step },
-            "rows": { "count": grid.rows.count, "step": grid.rows.step },
+            "columns": grid.columns.count,
+            "rows": grid.rows.count,
         },
         "predicted_error_db": resolved["predicted_error_db"],
         "measured_error_db": measured,
-        "times_s": messages::times(),
+        "run_time_s": messages::run_time_s(),
         "files": files,
     })
 }
