@@ -5,7 +5,7 @@
 
 use super::threshold::{self, Bisection, leading_product, log_order_density};
 
-/// To seven digits.
+/// Search to a precision of seven digits.
 const SEARCH: Bisection = Bisection {
     log2: [-30.0, 60.0],
     steps: 30,

@@ -12,7 +12,7 @@
 //! `Q` over the density of `x_(r)` is a sum over the logarithm of the level. The caller chooses its steps and those of the bisection: the
 //! module few of them (`profile`), the host many.
 
-/// Bisection by which a threshold factor is solved for.
+/// Bisection that solves for a threshold factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bisection {
     /// Binary logarithms between which the factor lies.

@@ -34,7 +34,7 @@ pub(crate) struct Choices {
     pub(super) paths: PixelPaths,
 }
 
-/// Method by which the paths of pixels are computed.
+/// Method for the paths of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum PixelPaths {
