@@ -267,7 +267,7 @@ fn theory_holds_along_any_line_of_squinted_image() {
         "quality taylor --at 3,-2 --from s.cphd --line-of-sight 55 --json",
     );
     assert_theory(&again, "theory", 4);
-    assert_theory(&again, "theory_as_lit", 4);
+    assert_theory(&again, "theory_with_gain", 4);
     assert_eq!(again["points"][0]["formed"]["former"], "exact");
     run(at, "simulate --preset table-4-1 -o other.cphd").succeeded();
     run(at, "quality taylor --from other.cphd").failed(1, &["1040 pulses", "formed from 250"]);
@@ -294,7 +294,7 @@ fn coarse_image_is_refused_and_measured_from_its_recording() {
     let text = run(at, "quality coarse --at 3,-2 --from s.cphd");
     for part in [
         "formed from the recording by exact",
-        "theory, as lit",
+        "theory, with gain",
         "x 3.00",
     ] {
         assert!(text.succeeded().contains(part), "{part}: {}", text.stdout);
@@ -374,10 +374,10 @@ fn theory_uses_beam_of_recording() {
     let width = |of: &str| number(&measured, &format!("/points/0/{of}/0/width_3db"));
     let (found, lit, alike) = (
         width("response/cuts"),
-        width("theory_as_lit"),
+        width("theory_with_gain"),
         width("theory"),
     );
-    println!("measured {found:.4} m, as lit {lit:.4} m, all pulses alike {alike:.4} m");
+    println!("measured {found:.4} m, with gain {lit:.4} m, all pulses alike {alike:.4} m");
     assert!((lit / found - 1.0).abs() < 0.02, "{lit} {found}");
     assert!(
         alike < 0.9 * found,

@@ -279,7 +279,7 @@ fn plans_of_other_recordings_and_edited_plans_are_refused() {
         let error: Result<(), PlanError> = refused(from, to);
         error.expect_err(to).to_string()
     };
-    let error = message("subaperture-plan-1", "subaperture-plan-9");
+    let error = message("subaperture-plan-2", "subaperture-plan-9");
     assert!(error.contains("subaperture-plan-9"), "{error}");
     let error = message("\"bp\"", "\"bq\"");
     assert!(error.contains("no former 'bq'"), "{error}");

@@ -25,13 +25,14 @@
 
 mod arrival;
 mod echo;
+mod factor;
 mod follow;
 mod odometer;
 mod pairwise;
 mod plane;
 mod profile;
 mod setup;
-mod threshold;
+pub mod threshold;
 
 pub use odometer::{Odometer, Progress, SampleError, Step};
 pub use pairwise::{Antennas, Echo, Increment, MotionError, MotionEstimate, Pairwise};

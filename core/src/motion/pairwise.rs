@@ -295,8 +295,8 @@ fn solve<'a, const CHANNELS: usize>(
                     minus(direction(receiver, position_m), u),
                     minus(to[1], from[1]),
                 );
-                let told = (after.phases_rad.get(j), before.phases_rad.get(i));
-                let (Some(after_rad), Some(before_rad)) = told else {
+                let phases_rad = (after.phases_rad.get(j), before.phases_rad.get(i));
+                let (Some(after_rad), Some(before_rad)) = phases_rad else {
                     return None;
                 };
                 let shorter = (after_rad - before_rad) / array.rad_m - legs;

@@ -16,8 +16,9 @@
 
 use num_complex::Complex32;
 
+use super::factor::{cell_averaging_factor, order_statistic_factor};
 use super::setup::{Axis, MAX_TRAINING, Setup};
-use super::threshold::{cell_averaging_factor, order_statistic_factor, rank_of};
+use super::threshold::rank_of;
 use crate::{Turns, range};
 
 /// Detected peak.
@@ -123,8 +124,8 @@ impl Detector {
             if !(own >= least && own > 0.0) {
                 continue;
             }
-            let beside = 1..=axis.stride;
-            let is_peak = beside
+            let neighbours = 1..=axis.stride;
+            let is_peak = neighbours
                 .clone()
                 .all(|d| at(bin.wrapping_sub(d)) < own && at(bin.wrapping_add(d)) <= own);
             if !is_peak {

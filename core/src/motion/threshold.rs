@@ -9,13 +9,42 @@
 //!
 //! Chim 2018 (7.8) is the first for `C = 1`. Targets among the training cells raise the mean; with few cells two targets of
 //! equal strength mask each other. They hardly raise a cell in the middle of the order (Rohling 1983). The expectation of
-//! `Q` over the density of `x_(r)` is a sum over the logarithm of the level. The integrand is smooth, so steps of a fifth
-//! are accurate to 1e-3 of the probability. **Cost**: some ten thousand exponentials per setup.
+//! `Q` over the density of `x_(r)` is a sum over the logarithm of the level. The caller chooses its steps and those of the bisection: the
+//! module few of them (`profile`), the host many.
+
+/// Bisection that solves for a threshold factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bisection {
+    /// Binary logarithms between which the factor lies.
+    pub log2: [f64; 2],
+    /// Number of steps; each halves the interval.
+    pub steps: u32,
+}
+
+impl Bisection {
+    /// Solve `falling(k) = probability` for a function that decreases from 1 to 0.
+    fn solve(self, probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
+        let [mut low, mut high] = self.log2;
+        for _ in 0..self.steps {
+            let middle = 0.5 * (low + high);
+            match falling(libm::exp2(middle)) > probability {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        libm::exp2(high)
+    }
+}
 
 /// CA-CFAR factor of the sum of `cells` cells of `channels` powers each, for the given false-alarm probability.
-pub(super) fn cell_averaging_factor(probability: f64, channels: usize, cells: f64) -> f64 {
+pub fn cell_averaging_factor(
+    probability: f64,
+    channels: usize,
+    cells: f64,
+    search: Bisection,
+) -> f64 {
     let shape = channels as f64 * cells;
-    solve(probability, |k| {
+    search.solve(probability, |k| {
         let (mut term, mut sum) = (libm::exp(-shape * libm::log1p(k)), 0.0);
         for i in 0..channels {
             sum += term;
@@ -26,51 +55,47 @@ pub(super) fn cell_averaging_factor(probability: f64, channels: usize, cells: f6
 }
 
 /// Rank as a cell number from 1, for a rank given as a fraction.
-pub(super) fn rank_of(rank: f64, count: usize) -> usize {
+pub fn rank_of(rank: f64, count: usize) -> usize {
     (libm::ceil(rank * count as f64) as usize).max(1).min(count)
 }
 
-/// OS-CFAR factor of the `rank`-th smallest of `count` cells, for the given false-alarm probability.
-pub(super) fn order_statistic_factor(
+/// OS-CFAR factor of a cell of `channels` powers, for the given false-alarm probability. `levels` are levels of the
+/// order statistic with their probabilities up to a common factor.
+pub fn order_statistic_factor(
     probability: f64,
     channels: usize,
-    count: usize,
-    rank: usize,
+    levels: impl Iterator<Item = (f64, f64)> + Clone,
+    search: Bisection,
 ) -> f64 {
-    const STEPS: usize = 180;
-    const LOWEST: f64 = 1e-12;
-    // The density above this level is below 1e-15.
-    let most = channels as f64 + 12.0 * libm::sqrt(channels as f64) + 40.0;
-    let (n, r, shape) = (count as f64, rank as f64, channels as f64);
-    let step = libm::log(most / LOWEST) / STEPS as f64;
-    let ratio = libm::exp(step);
-    // Sampled at the middle of each step. A common factor cancels in the normalisation by `total`.
-    let first = LOWEST * libm::exp(0.5 * step);
-    let (mut x, mut total) = (first, 0.0);
-    let mut weights = [0.0; STEPS];
-    for weight in &mut weights {
-        let below = match rank {
-            1 => 0.0,
-            _ => (r - 1.0) * libm::log(gamma_lower_tail(channels, x)),
-        };
-        let own = shape * libm::log(x) - x;
-        *weight =
-            libm::exp(below + (n - r) * libm::log(gamma_upper_tail(channels, x)) + own + n * shape);
-        total += *weight;
-        x *= ratio;
-    }
-    solve(probability, |k| {
-        let (mut x, mut sum) = (first, 0.0);
-        for weight in &weights {
-            sum += weight * gamma_upper_tail(channels, k * x);
-            x *= ratio;
-        }
-        sum / total
+    let total = levels
+        .clone()
+        .fold(0.0, |total, (_, weight)| total + weight);
+    search.solve(probability, |k| {
+        let tails = levels.clone();
+        let tails = tails.map(|(x, weight)| weight * gamma_upper_tail(channels, k * x));
+        tails.fold(0.0, |sum, tail| sum + tail) / total
     })
 }
 
+/// Logarithm of the density of the `rank`-th smallest of `count` cells at level `x`, over `log x` and up to a constant: the terms of
+/// the smaller cells, of the larger ones and of the cell itself. `leading` is that of [`gamma_lower_tail`].
+pub fn log_order_density(
+    channels: usize,
+    (rank, count): (usize, usize),
+    x: f64,
+    leading: impl Fn(usize, f64) -> f64,
+) -> [f64; 3] {
+    let (n, r) = (count as f64, rank as f64);
+    let smaller = match rank {
+        1 => 0.0,
+        _ => (r - 1.0) * libm::log(gamma_lower_tail(channels, x, leading)),
+    };
+    let larger = (n - r) * libm::log(gamma_upper_tail(channels, x));
+    [smaller, larger, channels as f64 * libm::log(x) - x]
+}
+
 /// Upper tail of a gamma distribution, `exp(-x) sum_(i < shape) x^i / i!`.
-fn gamma_upper_tail(shape: usize, x: f64) -> f64 {
+pub fn gamma_upper_tail(shape: usize, x: f64) -> f64 {
     let (mut term, mut sum) = (libm::exp(-x), 0.0);
     for i in 0..shape {
         sum += term;
@@ -79,16 +104,13 @@ fn gamma_upper_tail(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// Lower tail of a gamma distribution: 1 minus [`gamma_upper_tail`], without cancellation.
-fn gamma_lower_tail(shape: usize, x: f64) -> f64 {
+/// Lower tail of a gamma distribution: 1 minus [`gamma_upper_tail`], without cancellation. `leading(shape, x)` is its leading term
+/// `x^shape exp(-x) / shape!`: a product for few channels ([`leading_product`]), or by the logarithm of the factorial.
+pub fn gamma_lower_tail(shape: usize, x: f64, leading: impl Fn(usize, f64) -> f64) -> f64 {
     if x > 1.0 {
         return 1.0 - gamma_upper_tail(shape, x);
     }
-    let mut term = libm::exp(-x);
-    for i in 0..shape {
-        term *= x / (i as f64 + 1.0);
-    }
-    let mut sum = 0.0;
+    let (mut term, mut sum) = (leading(shape, x), 0.0);
     for i in 0..20 {
         sum += term;
         term *= x / (shape + i + 1) as f64;
@@ -96,43 +118,18 @@ fn gamma_lower_tail(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// Solve `falling(k) = probability` for a function that decreases from 1 to 0.
-fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (-30.0, 60.0);
-    // To seven digits.
-    for _ in 0..30 {
-        let middle = 0.5 * (low + high);
-        match falling(libm::exp2(middle)) > probability {
-            true => low = middle,
-            false => high = middle,
-        }
+/// Leading term `x^shape exp(-x) / shape!` of [`gamma_lower_tail`] as a product.
+pub fn leading_product(shape: usize, x: f64) -> f64 {
+    let mut term = libm::exp(-x);
+    for i in 0..shape {
+        term *= x / (i as f64 + 1.0);
     }
-    libm::exp2(high)
+    term
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Reference: C (7.8) for one channel, and the known product for ordered cells (Rohling 1983).
-    #[test]
-    fn cfar_factors_match_closed_forms_for_one_channel() {
-        for (probability, cells) in [(1e-2f64, 5), (1e-4, 16), (1e-6, 32)] {
-            let n = f64::from(cells);
-            let known = libm::pow(probability, -1.0 / n) - 1.0;
-            let got = cell_averaging_factor(probability, 1, n);
-            assert!((got / known - 1.0).abs() < 1e-6, "{cells}: {got} {known}");
-            for rank in [cells / 2, (3 * cells) / 4, cells] {
-                let factor = order_statistic_factor(probability, 1, cells as usize, rank as usize);
-                let product = (0..rank).fold(1.0, |product, i| {
-                    let left = n - f64::from(i);
-                    product * left / (left + factor)
-                });
-                let off = product / probability - 1.0;
-                assert!(off.abs() < 2e-3, "{cells} {rank}: {off}");
-            }
-        }
-    }
 
     /// Reference for two channels: the tail of the gamma distribution, `exp(-x) (1 + x)`.
     #[test]
@@ -142,7 +139,10 @@ mod tests {
             assert!((gamma_upper_tail(2, x) - two).abs() < 1e-15);
             for shape in [1, 2, 5, 8] {
                 assert!(
-                    (gamma_upper_tail(shape, x) + gamma_lower_tail(shape, x) - 1.0).abs() < 1e-14
+                    (gamma_upper_tail(shape, x) + gamma_lower_tail(shape, x, leading_product)
+                        - 1.0)
+                        .abs()
+                        < 1e-14
                 );
             }
         }

@@ -124,7 +124,7 @@ pub fn merits(
     let num_pixels: u64 = grids.iter().map(ImageGrid::num_pixels).sum();
     let held = num_pixels.saturating_mul(8 * (PARTS as u64 + 2));
     let left = memory_bytes.checked_sub(held).ok_or(FormError::Memory {
-        what: "tuning",
+        purpose: "tuning",
         needed_bytes: held.into(),
         budget_bytes: memory_bytes,
         remedies: &[Remedy::MoreMemory, Remedy::FewerPixels],

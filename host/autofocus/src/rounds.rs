@@ -146,13 +146,13 @@ impl RoundInput<'_> {
     ///
     /// # Errors
     /// [`FormError::Memory`] if they do not fit.
-    pub(crate) fn room(&self, what: &'static str, needed_bytes: u64) -> Result<(), FormError> {
+    pub(crate) fn room(&self, purpose: &'static str, needed_bytes: u64) -> Result<(), FormError> {
         let held = self.history.held_bytes() + HELD_IMAGES * 8 * self.subject.grid.num_pixels();
         let all = u128::from(held) + u128::from(needed_bytes);
         match all <= u128::from(self.subject.memory_bytes) {
             true => Ok(()),
             false => Err(FormError::Memory {
-                what,
+                purpose,
                 needed_bytes: all,
                 budget_bytes: self.subject.memory_bytes,
                 remedies: &[Remedy::MoreMemory, Remedy::FewerPixels],
@@ -312,7 +312,7 @@ pub(crate) fn form(subject: &Subject, history: &dyn PhaseHistory) -> Result<Imag
         .memory_bytes
         .checked_sub(held_bytes)
         .ok_or(FormError::Memory {
-            what: "autofocus",
+            purpose: "autofocus",
             needed_bytes: held_bytes.into(),
             budget_bytes: subject.memory_bytes,
             remedies: &[Remedy::MoreMemory, Remedy::FewerPixels],

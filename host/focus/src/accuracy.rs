@@ -5,7 +5,7 @@
 //! relatively larger.
 //!
 //! **Planned error.** A former multiplies each of the sum's terms by `1 + d` (`d` complex, a function of pixel, pulse and frequency). Before it
-//! reads samples it bounds the RMS of `d` for its track, band and grid. If that exceeds the bound asked, it refuses ([`ErrorGoal::check`]).
+//! reads samples it bounds the RMS of `d` for its track, band and grid. If that exceeds the requested bound, it refuses ([`ErrorGoal::check`]).
 //! Where terms add in phase, as on a scatterer, the image's error is at most the value's own (Cauchy and Schwarz). Where they
 //! add at random, as in noise and clutter, powers add, with the same result. Where antennas move from sample to sample of a pulse and the former takes all
 //! samples at one place, the error of that ([`super::sweep::residual`]) is added.

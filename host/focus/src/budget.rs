@@ -52,14 +52,14 @@ impl Budget {
     /// [`FormError::Memory`] if the remainder is too small.
     pub fn take(
         &mut self,
-        what: &'static str,
+        purpose: &'static str,
         bytes: u128,
         remedies: &'static [Remedy],
     ) -> Result<(), FormError> {
         if bytes > u128::from(self.left_bytes) {
             let taken = u128::from(self.total_bytes - self.left_bytes);
             return Err(FormError::Memory {
-                what,
+                purpose,
                 needed_bytes: taken + bytes,
                 budget_bytes: self.total_bytes,
                 remedies,
@@ -76,14 +76,18 @@ impl Budget {
     /// [`FormError::Memory`] if not even one fits.
     pub fn take_block(
         &mut self,
-        what: &'static str,
+        purpose: &'static str,
         bytes_each: u64,
         wanted: usize,
         remedies: &'static [Remedy],
     ) -> Result<usize, FormError> {
         let fit = self.left_bytes / 2 / bytes_each.max(1);
         let count = fit.clamp(1, wanted.max(1) as u64);
-        self.take(what, u128::from(count) * u128::from(bytes_each), remedies)?;
+        self.take(
+            purpose,
+            u128::from(count) * u128::from(bytes_each),
+            remedies,
+        )?;
         Ok(count as usize)
     }
 }

@@ -41,13 +41,13 @@ const SIDE: usize = 32;
 impl TimeModel {
     /// Measure the times of this machine under a given name; takes about one second on one thread.
     pub fn measured(name: String) -> Self {
-        let known = Self::DEFAULT;
+        let default = Self::DEFAULT;
         let phasor_ns = phasor_ns();
-        let slower = phasor_ns / known.phasor_ns;
+        let slower = phasor_ns / default.phasor_ns;
         let (tiles, point_ns, piece_ns) = backprojection();
         let [turn_ns, pulse_tap_ns, sample_tap_ns] = halving();
         let tap_ns = raster_tap_ns();
-        let reading = tap_ns / known.raster_tap_ns;
+        let reading = tap_ns / default.raster_tap_ns;
         let sum_ns = sum_ns();
         let model = Self {
             name: name.into(),
@@ -55,26 +55,26 @@ impl TimeModel {
             map_transform_ns: map_transform_ns(),
             piece_ns: piece_ns / (DEGREE + 1) as f64,
             leaf_piece_ns: piece_ns,
-            tile_pulse_ns: tiles * known.tile_pulse_ns,
-            tile_group_ns: tiles * known.tile_group_ns,
-            narrow_plane_ns: tiles * known.narrow_plane_ns,
-            wide_plane_ns: tiles * known.wide_plane_ns,
-            scattered_plane_ns: tiles * known.scattered_plane_ns,
-            leaf_pulse_ns: tiles * known.leaf_pulse_ns,
-            leaf_group_ns: tiles * known.leaf_group_ns,
+            tile_pulse_ns: tiles * default.tile_pulse_ns,
+            tile_group_ns: tiles * default.tile_group_ns,
+            narrow_plane_ns: tiles * default.narrow_plane_ns,
+            wide_plane_ns: tiles * default.wide_plane_ns,
+            scattered_plane_ns: tiles * default.scattered_plane_ns,
+            leaf_pulse_ns: tiles * default.leaf_pulse_ns,
+            leaf_group_ns: tiles * default.leaf_group_ns,
             point_ns,
-            blurred_point_ns: slower * known.blurred_point_ns,
+            blurred_point_ns: slower * default.blurred_point_ns,
             turn_ns,
             pulse_tap_ns,
             sample_tap_ns,
-            history_pulse_ns: slower * known.history_pulse_ns,
-            patch_ns: slower * known.patch_ns,
+            history_pulse_ns: slower * default.history_pulse_ns,
+            patch_ns: slower * default.patch_ns,
             compensation_ns: compensation_ns(),
             doppler_tap_ns: doppler_tap_ns(),
-            map_pixel_ns: reading * known.map_pixel_ns,
-            map_tap_ns: reading * known.map_tap_ns,
+            map_pixel_ns: reading * default.map_pixel_ns,
+            map_tap_ns: reading * default.map_tap_ns,
             sum_ns,
-            swept_sum_ns: slower * known.swept_sum_ns,
+            swept_sum_ns: slower * default.swept_sum_ns,
             raster_tap_ns: tap_ns,
             phasor_ns,
         };
@@ -188,9 +188,9 @@ fn backprojection() -> (f64, f64, f64) {
         tile.look(BINS, &pulses, &raster);
         tile.add(instructions, &layout, &pulses, &pieces, &mut sums);
     });
-    let known = TimeModel::DEFAULT;
-    let group_ns = known.tile_group_ns + known.narrow_plane_ns * (DEGREE + 1) as f64;
-    let foretold_ns = known.tile_pulse_ns + group_ns * (SIDE * SIDE / GROUP) as f64;
+    let default = TimeModel::DEFAULT;
+    let group_ns = default.tile_group_ns + default.narrow_plane_ns * (DEGREE + 1) as f64;
+    let predicted_ns = default.tile_pulse_ns + group_ns * (SIDE * SIDE / GROUP) as f64;
     let mut points = Points::default();
     for i in 0..SIDE * SIDE {
         points.push([0.2 * (i % SIDE) as f64, 0.2 * (i / SIDE) as f64, 0.0]);
@@ -200,7 +200,7 @@ fn backprojection() -> (f64, f64, f64) {
         add_points(instructions, &layout, &pulses[0], own, &points, &mut sums);
     });
     black_box(&sums);
-    (took_ns / foretold_ns, point_ns, piece_ns)
+    (took_ns / predicted_ns, point_ns, piece_ns)
 }
 
 /// Times of a phase rotation, of a tap over pulses and of a tap over samples, ns.
@@ -340,9 +340,9 @@ mod tests {
             let numbers = entries.filter_map(|(key, value)| Some((key.clone(), value.as_f64()?)));
             numbers.collect()
         };
-        for ((key, got), (_, known)) in numbers(&model).iter().zip(numbers(&TimeModel::DEFAULT)) {
-            println!("{key}: {got:.3} here, {known} by default");
-            assert!(got / known < 100.0 && known / got < 100.0, "{key}");
+        for ((key, got), (_, default)) in numbers(&model).iter().zip(numbers(&TimeModel::DEFAULT)) {
+            println!("{key}: {got:.3} here, {default} by default");
+            assert!(got / default < 100.0 && default / got < 100.0, "{key}");
         }
     }
 }

@@ -88,10 +88,10 @@ pub enum FormError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The memory limit is too small.
-    #[error("{what} needs {} of the {} allowed", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
+    #[error("{purpose} needs {} of the {} allowed", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
     Memory {
         /// Purpose of the memory.
-        what: &'static str,
+        purpose: &'static str,
         /// Minimum memory needed, bytes.
         needed_bytes: u128,
         /// Memory limit, bytes.
@@ -111,7 +111,9 @@ pub enum FormError {
     #[error("{0}")]
     Unsuited(Reason),
     /// The predicted or measured error exceeds the error bound.
-    #[error("the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked: {limit}")]
+    #[error(
+        "the predicted error is {predicted_db:.1} dB, above the requested bound of {bound_db} dB: {limit}"
+    )]
     BoundMissed {
         /// Predicted relative RMS error, dB.
         predicted_db: f64,

@@ -186,7 +186,8 @@ impl ImageFormer for VelocityPlane {
         _: &dyn Monitor,
     ) -> Result<Decision, FormError> {
         require_times(spec.collection)?;
-        bp::decide(spec, self.error_db, goal, self.meaning())
+        let decision = bp::decide(spec, self.error_db, goal, self.meaning())?;
+        Ok(decision.map_choices(FormerChoices::new))
     }
 
     fn open<'a>(

@@ -31,7 +31,7 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture_signal::window::Window;
 
 /// Schema name at the start of a plan's text.
-pub const SCHEMA: &str = "subaperture-plan-1";
+pub const SCHEMA: &str = "subaperture-plan-2";
 
 /// Window name of weights that do not sample windows ([`Weights::windows`]). A plan with such weights cannot be opened from its text.
 const OTHER_WEIGHTS: &str = "other";

@@ -160,9 +160,9 @@ impl<'a> Probes<'a> {
             total: None,
             pulses: 0..0,
         });
-        let lit = spec.weights.illumination.as_ref();
-        let blocks = lit.map(|lit| {
-            let block = |i: &usize| lit.block_of(i / columns, i % columns);
+        let illumination = spec.weights.illumination.as_ref();
+        let blocks = illumination.map(|illumination| {
+            let block = |i: &usize| illumination.block_of(i / columns, i % columns);
             pixels.iter().map(block).collect()
         });
         Self {
@@ -193,14 +193,14 @@ impl<'a> Probes<'a> {
     /// Add a pulse to the sums of the points it illuminates.
     fn add_pulse(&self, n: usize, row: &[Complex32], fast: &[f32], sums: &mut [Complex64]) {
         let weights = self.spec.weights;
-        let (Some(lit), Some(blocks)) = (&weights.illumination, &self.blocks) else {
+        let (Some(illumination), Some(blocks)) = (&weights.illumination, &self.blocks) else {
             self.add_weighted(n, weights.slow[n], (row, fast), &self.points, sums);
             return;
         };
         // Only pixels formed from this pulse contribute, each with its own weight.
         let weighted: Vec<(usize, f64)> = blocks
             .iter()
-            .map(|&block| lit.weight(block, n))
+            .map(|&block| illumination.weight(block, n))
             .enumerate()
             .filter(|(_, weight)| *weight != 0.0)
             .collect();
@@ -308,13 +308,13 @@ impl<'a> Probes<'a> {
     /// block.
     fn total(&self, levels: &[PulseLevels]) -> Total {
         let weights = self.spec.weights;
-        let Some(lit) = &weights.illumination else {
+        let Some(illumination) = &weights.illumination else {
             return total(&weights.fast, &weights.slow, levels);
         };
         // Blocks formed from the same pulses have the same levels: one of them, and their number.
         let mut alike = BTreeMap::<(usize, usize), (usize, f64)>::new();
-        for block in 0..lit.num_blocks() {
-            let pulses = lit.pulses(block);
+        for block in 0..illumination.num_blocks() {
+            let pulses = illumination.pulses(block);
             if !pulses.is_empty() {
                 alike
                     .entry((pulses.start, pulses.end))
@@ -328,8 +328,12 @@ impl<'a> Probes<'a> {
         };
         let mut longest = 0..0;
         for (block, count) in alike.into_values() {
-            let pulses = lit.pulses(block);
-            let own = total(&weights.fast, lit.slow(block).0, &levels[pulses.clone()]);
+            let pulses = illumination.pulses(block);
+            let own = total(
+                &weights.fast,
+                illumination.slow(block).0,
+                &levels[pulses.clone()],
+            );
             sum.terms = sum.terms.max(own.terms);
             for (sum, own) in sum.recorded.iter_mut().zip(own.recorded) {
                 sum.all += count * own.all;

@@ -33,9 +33,9 @@ pub struct ImageSpec<'a> {
 
 /// Plan of a former for an image.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Decision {
+pub struct Decision<C = FormerChoices> {
     /// Parameters chosen by the former, for [`ImageFormer::open`](super::ImageFormer::open).
-    pub choices: FormerChoices,
+    pub choices: C,
     /// Summary of the choices for people and records: a JSON object.
     pub settings: serde_json::Value,
     /// Planned relative RMS error, dB ([`super::accuracy`]).
@@ -44,6 +44,26 @@ pub struct Decision {
     pub grain: PatchSize,
     /// Operations and memory for the whole image.
     pub cost: Cost,
+}
+
+impl<C> Decision<C> {
+    /// Convert the choices to another type.
+    pub(crate) fn map_choices<D>(self, convert: impl FnOnce(C) -> D) -> Decision<D> {
+        let Self {
+            choices,
+            settings,
+            planned_db,
+            grain,
+            cost,
+        } = self;
+        Decision {
+            choices: convert(choices),
+            settings,
+            planned_db,
+            grain,
+            cost,
+        }
+    }
 }
 
 /// Rectangular part of an image.

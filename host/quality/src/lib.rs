@@ -5,7 +5,7 @@
 //!
 //! - [`response`] measures a point target: position, resolution (3 dB width), peak and integrated sidelobe ratio (PSLR, ISLR), magnitude and phase;
 //!   [`subaperture_model::resolution::theory`] gives the theoretical values and shares no code with the measurement.
-//! - [`aperture`] computes sub-aperture images.
+//! - [`aperture`] maps the frequencies of an image to its aperture; [`sub_aperture`] computes sub-aperture images.
 //! - [`polarisation`] computes the Pauli decomposition.
 //! - [`statistics`] computes level, entropy, contrast and sharpness of a region.
 //! - [`difference`], [`coherence`] and [`registration`] compare two images;
@@ -22,6 +22,7 @@ pub mod polarisation;
 pub mod registration;
 pub mod response;
 pub mod statistics;
+pub mod sub_aperture;
 mod transform;
 
 /// Real value per pixel, row-major; NaN where undefined.

@@ -151,7 +151,7 @@ fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'stati
 
 fn of_forming(error: &FormError) -> Option<String> {
     let mut list: Vec<Advice> = error.remedies().iter().map(Advice::of).collect();
-    if let FormError::Memory { what: CHECK, .. } = error {
+    if let FormError::Memory { purpose: CHECK, .. } = error {
         list.insert(0, Advice::new("check", "fewer pixels"));
     }
     let advice = joined(&list);
@@ -305,7 +305,7 @@ mod tests {
     #[test]
     fn advice_is_found_below_wrapping_errors_and_given_once() {
         let memory = || FormError::Memory {
-            what: "the image",
+            purpose: "the image",
             needed_bytes: 1010,
             budget_bytes: 1000,
             remedies: &[Remedy::MoreMemory],
@@ -322,7 +322,7 @@ mod tests {
         };
         assert_eq!(
             with_advice(&missed),
-            "the predicted error is -40.0 dB, above the -60 dB asked: kernels: use --algorithm bp; or allow a larger error"
+            "the predicted error is -40.0 dB, above the requested bound of -60 dB: kernels: use --algorithm bp; or allow a larger error"
         );
     }
 }

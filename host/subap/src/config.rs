@@ -58,10 +58,10 @@ impl Session {
         interrupt::listen();
         let threads = rayon::current_num_threads();
         let memory = Memory::new(global.memory, threads)?;
-        if let Some(asked) = memory.asked_bytes {
+        if let Some(requested) = memory.requested_bytes {
             messages::warning(format!(
                 "--memory {} exceeds the memory of this machine: {} is used",
-                text::bytes(asked.into()),
+                text::bytes(requested.into()),
                 text::bytes(memory.total_bytes.into())
             ));
         }
@@ -194,8 +194,8 @@ impl Session {
 }
 
 /// Error text where the system refuses worker threads: their number, and where it comes from.
-fn no_threads(asked: Option<usize>) -> String {
-    if let Some(count) = asked {
+fn no_threads(requested: Option<usize>) -> String {
+    if let Some(count) = requested {
         return format!("cannot start {count} worker threads (--threads {count}): give fewer");
     }
     // The thread pool takes its default from this variable.

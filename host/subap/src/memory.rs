@@ -38,7 +38,7 @@ pub(crate) struct Memory {
     /// Memory for drawing pictures, bytes.
     pub(crate) picture_bytes: u64,
     /// Requested memory, if the machine has less, bytes.
-    pub(crate) asked_bytes: Option<u64>,
+    pub(crate) requested_bytes: Option<u64>,
 }
 
 impl Memory {
@@ -46,9 +46,9 @@ impl Memory {
     ///
     /// # Errors
     /// If it is less than the program's minimum.
-    pub(crate) fn new(asked: Option<u64>, threads: usize) -> anyhow::Result<Self> {
+    pub(crate) fn new(requested: Option<u64>, threads: usize) -> anyhow::Result<Self> {
         let has = machine::memory_bytes(threads);
-        let total_bytes = asked.unwrap_or(has / 2).min(has);
+        let total_bytes = requested.unwrap_or(has / 2).min(has);
         let own = PROGRAM_BYTES + THREAD_BYTES * threads as u64;
         let least = own + PICTURE_BYTES.0 + MIN_WORK_BYTES;
         if total_bytes < least {
@@ -57,10 +57,11 @@ impl Memory {
                 text::bytes(own.into()),
                 text::bytes(least.into())
             );
-            match asked {
-                Some(asked) if asked < least => {
-                    let asked = text::bytes(asked.into());
-                    let fault = format!("--memory {asked}: {needs}: give more, or fewer --threads");
+            match requested {
+                Some(requested) if requested < least => {
+                    let requested = text::bytes(requested.into());
+                    let fault =
+                        format!("--memory {requested}: {needs}: give more, or fewer --threads");
                     return Err(Usage(fault).into());
                 }
                 _ => bail!(
@@ -76,7 +77,7 @@ impl Memory {
             total_bytes,
             work_bytes: rest - picture_bytes,
             picture_bytes,
-            asked_bytes: asked.filter(|&asked| asked > has),
+            requested_bytes: requested.filter(|&requested| requested > has),
         })
     }
 

@@ -29,7 +29,6 @@ static STATE: Mutex<State> = Mutex::new(State {
     verbosity: 0,
     warnings: Vec::new(),
     shown: Vec::new(),
-    timings: Vec::new(),
     part_missed: false,
     bound_is_missed: false,
     has_result: false,
@@ -46,8 +45,6 @@ struct State {
     warnings: Vec<String>,
     /// Distinct warnings shown so far.
     shown: Vec<String>,
-    /// Duration of each piece of work, in order.
-    timings: Vec<(String, Duration)>,
     /// Whether a result of the current step exceeds its bound.
     part_missed: bool,
     bound_is_missed: bool,
@@ -204,26 +201,17 @@ pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: D
     state.log("progress", text, more);
 }
 
-/// Log the duration of a piece of work, and keep it for [`times`].
+/// Log the duration of a piece of work.
 pub(crate) fn timing(work: &str, elapsed: Duration) {
     let text = format!("{work} took {}", seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
-    let mut state = state();
-    state.log("timing", &text, more);
-    state.timings.push((work.to_owned(), elapsed));
+    state().log("timing", &text, more);
 }
 
-/// Seconds since the start (`total`), and those of each piece of work so far.
-pub(crate) fn times() -> Value {
-    let state = state();
-    let mut sums = Map::new();
-    for (work, elapsed) in &state.timings {
-        let before = sums.get(work).and_then(Value::as_f64).unwrap_or(0.0);
-        sums.insert(work.clone(), json!(before + elapsed.as_secs_f64()));
-    }
-    let total = state.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
-    sums.insert("total".to_owned(), json!(total.as_secs_f64()));
-    Value::Object(sums)
+/// Seconds since the start.
+pub(crate) fn run_time_s() -> f64 {
+    let begun = state().begun;
+    begun.map_or(0.0, |begun| begun.elapsed().as_secs_f64())
 }
 
 /// All warnings so far of the current step.

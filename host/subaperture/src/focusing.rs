@@ -161,9 +161,9 @@ impl<'a> Focusing<'a> {
         // A former is identified by its name and settings, as in a stored plan.
         let again = formers::former(former.name(), &former.settings()).ok();
         let again = again.filter(|again| again.settings() == former.settings());
-        let asked = !matches!(self.beam, BeamChoice::Stated | BeamChoice::None);
+        let requested = !matches!(self.beam, BeamChoice::Stated | BeamChoice::None);
         let Some(again) = again else {
-            return match asked {
+            return match requested {
                 true => Err(FormError::unsuited(format!(
                     "expected a former of subaperture, found {}: wrap it in InBeam::new to form its image in a beam",
                     former.name()
@@ -176,17 +176,8 @@ impl<'a> Focusing<'a> {
             EstimateError::Form(error) => error,
             error => FormError::unsuited(error.to_string()),
         })?;
-        match (&chosen.rejected, &chosen.ghosts) {
-            (Some(rejected), _) => warnings.push(rejected.to_string()),
-            (None, Some(ghosts)) => warnings.push(ghosts.to_string()),
-            (None, None) => {}
-        }
-        if let unseen @ 1.. = chosen.num_unseen {
-            warnings.push(format!(
-                "{unseen} of {} pixels are illuminated by no pulse: they are zero",
-                self.grid.num_pixels()
-            ));
-        }
+        let about_beam = chosen.warnings(self.grid);
+        warnings.extend(about_beam.iter().map(ToString::to_string));
         chosen.beam.map(|beam| InBeam::new(again, beam)).transpose()
     }
 

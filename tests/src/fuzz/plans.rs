@@ -17,7 +17,7 @@ use super::MEMORY_BYTES;
 /// Words of plans.
 pub(super) const WORDS: &[&str] = &[
     "schema",
-    "subaperture-plan-1",
+    "subaperture-plan-2",
     "former",
     "settings",
     "choices",

@@ -20,7 +20,7 @@ const LOOKED_AT: usize = 9;
 ///
 /// # Errors
 /// [`FormError::Unsuited`] if the beam passes a point more than once, if pulses belong to several channels, or if no pulse illuminates the grid.
-pub(super) fn lit(
+pub(super) fn illumination(
     beam: &Beam,
     collection: &Collection,
     grid: &ImageGrid,

@@ -114,7 +114,54 @@ impl fmt::Display for Rejected {
     }
 }
 
+/// Warning about the beam of an image.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum BeamWarning<'a> {
+    /// An automatic beam is not used.
+    Rejected(&'a Rejected),
+    /// No beam suppresses the azimuth ambiguities within the grid.
+    Ghosts(&'a Ghosts),
+    /// Pixels that no pulse illuminates.
+    Unseen {
+        /// Number of these pixels.
+        pixels: u64,
+        /// Number of all pixels of the grid.
+        of: u64,
+    },
+}
+
+impl fmt::Display for BeamWarning<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Rejected(rejected) => rejected.fmt(f),
+            Self::Ghosts(ghosts) => ghosts.fmt(f),
+            Self::Unseen { pixels, of } => write!(
+                f,
+                "{pixels} of {of} pixels are illuminated by no pulse: they are zero"
+            ),
+        }
+    }
+}
+
 impl ChosenBeam {
+    /// Warnings about this beam for an image on `grid`.
+    pub fn warnings(&self, grid: &ImageGrid) -> Vec<BeamWarning<'_>> {
+        let mut warnings = Vec::new();
+        match (&self.rejected, &self.ghosts) {
+            (Some(rejected), _) => warnings.push(BeamWarning::Rejected(rejected)),
+            (None, Some(ghosts)) => warnings.push(BeamWarning::Ghosts(ghosts)),
+            (None, None) => {}
+        }
+        if let pixels @ 1.. = self.num_unseen {
+            warnings.push(BeamWarning::Unseen {
+                pixels,
+                of: grid.num_pixels(),
+            });
+        }
+        warnings
+    }
+
     /// All pulses for all pixels.
     fn all_pulses(rejected: Option<Rejected>) -> Self {
         Self {
@@ -198,20 +245,22 @@ fn limited(
     let Some(beam) = &chosen.beam else {
         return Ok(chosen);
     };
-    let asked = choice != BeamChoice::Stated;
-    let lit = super::check_sound(beam).and_then(|()| {
+    let requested = choice != BeamChoice::Stated;
+    let illumination = super::check_sound(beam).and_then(|()| {
         crate::check(history.collection(), grid)?;
-        blocks::lit(beam, history.collection(), grid, Window::None)
+        blocks::illumination(beam, history.collection(), grid, Window::None)
     });
-    match lit {
-        Ok(lit) if !asked && super::all_see(&lit, history.collection().pulses.len()) => {
+    match illumination {
+        Ok(illumination)
+            if !requested && super::all_see(&illumination, history.collection().pulses.len()) =>
+        {
             Ok(ChosenBeam::all_pulses(None))
         }
-        Ok(lit) => Ok(ChosenBeam {
-            num_unseen: lit.num_unseen(),
+        Ok(illumination) => Ok(ChosenBeam {
+            num_unseen: illumination.num_unseen(),
             ..chosen
         }),
-        Err(error @ FormError::Unsuited(_)) if !asked => {
+        Err(error @ FormError::Unsuited(_)) if !requested => {
             Ok(ChosenBeam::all_pulses(Some(Rejected::Unsuited {
                 source: beam.source,
                 why: error.to_string(),

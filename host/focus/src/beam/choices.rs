@@ -30,14 +30,16 @@ impl Choices {
     pub(super) fn of(
         former: &'static str,
         choices: &FormerChoices,
-        lit: &BlockIllumination,
+        illumination: &BlockIllumination,
     ) -> Result<Self, FormError> {
         let choices: Self = choices.of(former)?;
         let fits = |block: usize| match choices.of_block[block] {
-            Some(index) => index < choices.each.len() && !lit.pulses(block).is_empty(),
-            None => lit.pulses(block).is_empty(),
+            Some(index) => index < choices.each.len() && !illumination.pulses(block).is_empty(),
+            None => illumination.pulses(block).is_empty(),
         };
-        match choices.of_block.len() == lit.num_blocks() && (0..lit.num_blocks()).all(fits) {
+        match choices.of_block.len() == illumination.num_blocks()
+            && (0..illumination.num_blocks()).all(fits)
+        {
             true => Ok(choices),
             false => Err(misfit(
                 former,
@@ -60,8 +62,8 @@ pub(super) struct Part {
 }
 
 impl Part {
-    pub(super) fn of(spec: &ImageSpec, lit: &BlockIllumination, block: usize) -> Self {
-        let [rows, columns] = lit.place(block);
+    pub(super) fn of(spec: &ImageSpec, illumination: &BlockIllumination, block: usize) -> Self {
+        let [rows, columns] = illumination.place(block);
         let part = |axis: &Axis, range: &std::ops::Range<usize>| Axis {
             start: axis.at(range.start),
             count: range.len(),
@@ -71,7 +73,7 @@ impl Part {
         Self {
             collection: Collection {
                 name: whole.name.clone(),
-                pulses: whole.pulses[lit.pulses(block)].to_vec(),
+                pulses: whole.pulses[illumination.pulses(block)].to_vec(),
                 ..*whole
             },
             grid: ImageGrid {
@@ -81,7 +83,7 @@ impl Part {
             },
             weights: Weights {
                 fast: spec.weights.fast.clone(),
-                slow: lit.slow(block).0.to_vec(),
+                slow: illumination.slow(block).0.to_vec(),
                 illumination: None,
                 windows: None,
             },
@@ -102,35 +104,35 @@ impl Part {
 pub(super) fn decide(
     former: &dyn ImageFormer,
     beam: &Beam,
-    lit: &BlockIllumination,
+    illumination: &BlockIllumination,
     spec: &ImageSpec,
     goal: &ErrorGoal,
     monitor: &dyn Monitor,
 ) -> Result<Decision, FormError> {
-    let decisions = (0..lit.num_blocks()).into_par_iter().map(|block| {
-        if lit.pulses(block).is_empty() {
+    let decisions = (0..illumination.num_blocks()).into_par_iter().map(|block| {
+        if illumination.pulses(block).is_empty() {
             return Ok(None);
         }
         if monitor.cancelled() {
             return Err(FormError::Cancelled);
         }
-        let part = Part::of(spec, lit, block);
+        let part = Part::of(spec, illumination, block);
         former.decide(&part.spec(spec), goal, monitor).map(Some)
     });
     let decisions: Vec<Option<Decision>> = decisions.collect::<Result<_, FormError>>()?;
     let seen = || decisions.iter().flatten();
     let worst = seen().max_by(|a, b| a.planned_db.total_cmp(&b.planned_db));
     let worst = worst.ok_or_else(|| super::blocks::unseen(beam, &spec.collection.name))?;
-    let most_pulses = (0..lit.num_blocks()).map(|block| lit.pulses(block).len());
+    let most_pulses = (0..illumination.num_blocks()).map(|block| illumination.pulses(block).len());
     let mut settings = worst.settings.clone();
     settings["beam"] = json!({
         "width_deg": beam.width_rad.to_degrees(),
         "squint_deg": beam.squint_rad.to_degrees(),
         "source": beam.source,
-        "blocks": lit.num_blocks(),
-        "block": lit.side(),
+        "blocks": illumination.num_blocks(),
+        "block": illumination.side(),
         "most_pulses": most_pulses.max(),
-        "pixels_unseen": lit.num_unseen(),
+        "pixels_unseen": illumination.num_unseen(),
     });
     if !beam.aims.is_empty() {
         settings["beam"]["turns"] = true.into();
@@ -150,8 +152,8 @@ pub(super) fn decide(
         }
     }
     let planned_db = worst.planned_db;
-    let cost = cost(seen(), lit, spec);
-    let [rows, columns] = lit.side();
+    let cost = cost(seen(), illumination, spec);
+    let [rows, columns] = illumination.side();
     Ok(Decision {
         choices: FormerChoices::new(unlike(&decisions)),
         settings,
@@ -181,7 +183,7 @@ fn unlike(decisions: &[Option<Decision>]) -> Choices {
 /// Cost of forming all blocks one after another: summed operations, largest buffers, stages of one block.
 fn cost<'a>(
     decisions: impl Iterator<Item = &'a Decision>,
-    lit: &BlockIllumination,
+    illumination: &BlockIllumination,
     spec: &ImageSpec,
 ) -> Cost {
     let mut stages: Vec<StageCost> = Vec::new();
@@ -214,7 +216,7 @@ fn cost<'a>(
             }
         }
     }
-    let [rows, columns] = lit.side();
+    let [rows, columns] = illumination.side();
     let geometry = size_of_val(spec.collection.pulses.as_slice());
     let cost = Cost {
         buffers,

@@ -19,7 +19,7 @@ const BLOCK_SAMPLES: usize = 1 << 17;
 pub(super) struct InBlocks<'a> {
     former: Arc<dyn ImageFormer>,
     spec: ImageSpec<'a>,
-    lit: Arc<BlockIllumination>,
+    illumination: Arc<BlockIllumination>,
     choices: Choices,
     /// Whether all pulses have been read once in ascending order.
     read: AtomicBool,
@@ -29,13 +29,13 @@ impl<'a> InBlocks<'a> {
     pub(super) fn new(
         former: Arc<dyn ImageFormer>,
         spec: ImageSpec<'a>,
-        lit: Arc<BlockIllumination>,
+        illumination: Arc<BlockIllumination>,
         choices: Choices,
     ) -> Self {
         Self {
             former,
             spec,
-            lit,
+            illumination,
             choices,
             read: AtomicBool::new(false),
         }
@@ -78,10 +78,10 @@ impl Forming for InBlocks<'_> {
                 .iter()
                 .all(|&axis| own[axis].start < place[axis].end && place[axis].start < own[axis].end)
         };
-        let blocks: Vec<usize> = (0..self.lit.num_blocks())
+        let blocks: Vec<usize> = (0..self.illumination.num_blocks())
             .filter(|&block| self.choices.get(block).is_some())
             .filter(|&block| {
-                let place = self.lit.place(block);
+                let place = self.illumination.place(block);
                 tiles.iter().any(|tile| meets(tile, &place))
             })
             .collect();
@@ -89,8 +89,8 @@ impl Forming for InBlocks<'_> {
             let Some(choices) = self.choices.get(block) else {
                 continue;
             };
-            let part = Part::of(&self.spec, &self.lit, block);
-            let history = PulseRange::new(work.history, self.lit.pulses(block));
+            let part = Part::of(&self.spec, &self.illumination, block);
+            let history = PulseRange::new(work.history, self.illumination.pulses(block));
             let forming = self.former.open(part.spec(&self.spec), choices)?;
             let monitor = Share {
                 whole: work.monitor,
@@ -106,7 +106,7 @@ impl Forming for InBlocks<'_> {
                 monitor: &monitor,
             };
             forming.form(&within, std::slice::from_mut(&mut own))?;
-            let place = self.lit.place(block);
+            let place = self.illumination.place(block);
             for tile in tiles.iter_mut().filter(|tile| meets(tile, &place)) {
                 let whole = tile.place.place();
                 copy_common(&whole, &mut tile.pixels, &place, &own.pixels);

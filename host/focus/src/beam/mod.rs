@@ -48,7 +48,7 @@ use subaperture_model::phase_history::{
 };
 use subaperture_signal::window::Window;
 
-pub use choice::{BeamChoice, ChosenBeam, Ghosts, Rejected, choose};
+pub use choice::{BeamChoice, BeamWarning, ChosenBeam, Ghosts, Rejected, choose};
 pub use estimate::{Demanded, Estimate, EstimateError, demanded, estimate};
 pub use subaperture_model::phase_history::{Aim, Beam, BeamSource, NoBeam};
 
@@ -119,9 +119,9 @@ impl ImageFormer for InBeam {
         slow: Window,
     ) -> Result<Weights, FormError> {
         crate::check(collection, grid)?;
-        let lit = blocks::lit(&self.beam, collection, grid, slow)?;
+        let illumination = blocks::illumination(&self.beam, collection, grid, slow)?;
         Ok(Weights {
-            illumination: Some(Arc::new(lit)),
+            illumination: Some(Arc::new(illumination)),
             ..Weights::new(collection, fast, slow)
         })
     }
@@ -132,8 +132,8 @@ impl ImageFormer for InBeam {
         goal: &ErrorGoal,
         monitor: &dyn Monitor,
     ) -> Result<Decision, FormError> {
-        let lit = lit_of(spec.weights)?;
-        choices::decide(&*self.former, &self.beam, lit, spec, goal, monitor)
+        let illumination = illumination_of(spec.weights)?;
+        choices::decide(&*self.former, &self.beam, illumination, spec, goal, monitor)
     }
 
     fn open<'a>(
@@ -141,11 +141,16 @@ impl ImageFormer for InBeam {
         spec: ImageSpec<'a>,
         choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let lit = Arc::clone(lit_of(spec.weights)?);
+        let illumination = Arc::clone(illumination_of(spec.weights)?);
         let former = self.former.name();
-        let choices = choices::Choices::of(former, choices, &lit)?;
+        let choices = choices::Choices::of(former, choices, &illumination)?;
         let former = Arc::clone(&self.former);
-        Ok(Box::new(forming::InBlocks::new(former, spec, lit, choices)))
+        Ok(Box::new(forming::InBlocks::new(
+            former,
+            spec,
+            illumination,
+            choices,
+        )))
     }
 
     fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
@@ -169,7 +174,7 @@ fn check_sound(beam: &Beam) -> Result<(), FormError> {
 }
 
 /// Illuminated blocks of weights made for a beam.
-fn lit_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
+fn illumination_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
     let why = "the weights do not state which pulses see which pixels: a former in a beam needs those of ImageFormer::weights";
     weights
         .illumination
@@ -186,7 +191,7 @@ pub(crate) fn check<F: ImageFormer + ?Sized>(
     weights: &Weights,
 ) -> Result<(), FormError> {
     match (former.beam(), &weights.illumination) {
-        (Some(_), None) => lit_of(weights).map(drop),
+        (Some(_), None) => illumination_of(weights).map(drop),
         (None, Some(_)) => Err(FormError::unsuited(format!(
             "the weights are those of a beam, but {} forms every pixel from all pulses",
             former.name()
@@ -217,9 +222,9 @@ pub fn sees_all(weights: &Weights) -> bool {
     weights
         .illumination
         .as_ref()
-        .is_some_and(|lit| all_see(lit, weights.slow.len()))
+        .is_some_and(|illumination| all_see(illumination, weights.slow.len()))
 }
 
-fn all_see(lit: &BlockIllumination, num_pulses: usize) -> bool {
-    (0..lit.num_blocks()).all(|block| lit.pulses(block) == (0..num_pulses))
+fn all_see(illumination: &BlockIllumination, num_pulses: usize) -> bool {
+    (0..illumination.num_blocks()).all(|block| illumination.pulses(block) == (0..num_pulses))
 }

@@ -1,5 +1,7 @@
 //! Registry entry of a former.
 
+use serde::de::DeserializeOwned;
+
 use super::options::{self, FormerOption};
 use crate::former::ImageFormer;
 
@@ -17,6 +19,20 @@ pub struct Entry {
 }
 
 impl Entry {
+    /// Entry of the former `T`, made from its settings by serde.
+    pub(super) const fn new<T: ImageFormer + DeserializeOwned + 'static>(
+        name: &'static str,
+        summary: &'static str,
+        options: &'static [FormerOption],
+    ) -> Self {
+        Self {
+            name,
+            summary,
+            options,
+            of: |settings| Ok(Box::new(T::deserialize(settings)?)),
+        }
+    }
+
     /// Make the former with an error bound, dB, and default settings; a former without a bound ignores it.
     pub fn within(&self, error_db: f64) -> Box<dyn ImageFormer> {
         let settings = match self.option(options::ERROR_DB.name) {
@@ -25,11 +41,4 @@ impl Entry {
         };
         (self.of)(&settings).expect("omitted settings have defaults")
     }
-}
-
-/// Make a former of type `T` from settings.
-pub(super) fn of<T: ImageFormer + serde::de::DeserializeOwned + 'static>(
-    settings: &serde_json::Value,
-) -> Result<Box<dyn ImageFormer>, serde_json::Error> {
-    Ok(Box::new(T::deserialize(settings)?))
 }

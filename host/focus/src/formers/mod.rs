@@ -1,10 +1,13 @@
 //! Image formers, one folder each, and the registry that lists them.
 
+mod algorithm;
 pub mod auto;
 pub mod bp;
 mod entry;
+mod error_bound;
 pub mod exact;
 pub mod ffbp;
+mod frequency_domain;
 pub mod omega_k;
 pub mod options;
 pub mod pfa;
@@ -15,23 +18,23 @@ use super::ImageFormer;
 use super::beam::InBeam;
 pub use options::{FormerOption, OptionError, OptionType, OptionValues, OptionWord};
 
+use algorithm::Algorithm;
 pub use entry::Entry;
-use entry::of;
 
 /// All formers; the reference former comes first.
 pub static FORMERS: [Entry; 8] = [
     exact::ENTRY,
-    auto::ENTRY,
-    bp::ENTRY,
-    rdbp::ENTRY,
-    ffbp::ENTRY,
-    pfa::ENTRY,
-    omega_k::ENTRY,
-    rda::ENTRY,
+    auto::Auto::ENTRY,
+    bp::Backprojection::ENTRY,
+    rdbp::RangeDopplerBackprojection::ENTRY,
+    ffbp::FastFactorised::ENTRY,
+    pfa::PolarFormat::ENTRY,
+    omega_k::OmegaK::ENTRY,
+    rda::RangeDopplerAlgorithm::ENTRY,
 ];
 
 /// Former used by default.
-pub const DEFAULT: Entry = auto::ENTRY;
+pub const DEFAULT: Entry = auto::Auto::ENTRY;
 
 /// Invalid former name, beam or settings.
 #[derive(Debug, thiserror::Error)]

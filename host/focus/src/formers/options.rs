@@ -105,7 +105,7 @@ pub enum OptionError {
     },
     /// The option has no effect with the word given for another option.
     #[error("{option} has no effect with {other} {word}")]
-    SaysNothing {
+    NoEffect {
         /// Name of the option.
         option: &'static str,
         /// Name of the other option.
@@ -188,7 +188,7 @@ impl Entry {
         if word == needed {
             Ok(())
         } else if needed == usual {
-            Err(OptionError::SaysNothing {
+            Err(OptionError::NoEffect {
                 option: option.name,
                 other,
                 word: word.to_owned(),

@@ -12,7 +12,6 @@ use super::bounds::Bounds;
 use super::motion::{Compensation, Motion};
 use super::prediction::{self, Prediction};
 use super::{Axes, RangeMethod, Sizes, cost};
-use crate::former_choices::FormerChoices;
 use crate::goal::misses;
 use crate::patch::PatchSize;
 use crate::straight_track::StraightTrack;
@@ -29,7 +28,7 @@ const NEGLIGIBLE: f64 = 0.1;
 /// Choices of the frequency-domain formers.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct Choices {
+pub(crate) struct Choices {
     compensation: Compensation,
 }
 
@@ -264,7 +263,7 @@ pub(crate) fn decide(
     goal: &ErrorGoal,
     limit: &Reason,
     settings: serde_json::Value,
-) -> Result<Decision, FormError> {
+) -> Result<Decision<Choices>, FormError> {
     let ground = Ground::new(spec.collection, spec.grid, method)?;
     let (best, looked_at) = ground.best(spec.weights, goal.bound_db)?;
     let Candidate { fitted, mut errors } = best;
@@ -299,7 +298,7 @@ pub(crate) fn decide(
         all.extend(own);
     }
     Ok(Decision {
-        choices: FormerChoices::new(Choices { compensation }),
+        choices: Choices { compensation },
         settings: all,
         planned_db,
         grain: PatchSize::PIXEL,
@@ -310,14 +309,12 @@ pub(crate) fn decide(
 /// Fit by stored choices.
 ///
 /// # Errors
-/// [`FormError::Choices`] for choices that do not belong to a strip, and the errors of [`decide`].
+/// Errors of [`decide`].
 pub(super) fn chosen(
-    former: &'static str,
     spec: &ImageSpec,
     method: &dyn RangeMethod,
-    choices: &FormerChoices,
+    Choices { compensation }: Choices,
 ) -> Result<Fitted, FormError> {
-    let Choices { compensation } = choices.of(former)?;
     Ground::new(spec.collection, spec.grid, method)?.fitted(compensation)
 }
 

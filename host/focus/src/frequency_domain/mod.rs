@@ -68,14 +68,13 @@ use rayon::prelude::*;
 use super::budget::Budget;
 use super::read_ahead::BLOCKS_HELD;
 use super::{FormError, Forming, ImageSpec, Remedy, Tile, Work};
-use crate::former_choices::FormerChoices;
 use subaperture_model::monitor::during;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{cis, narrow};
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
 use choice::Fitted;
-pub(super) use choice::{decide, sizes};
+pub(super) use choice::{Choices, decide, sizes};
 pub(super) use method::{RangeMethod, RangeStage};
 use method::{stationary_phase_error, step_done};
 pub use sizes::Sizes;
@@ -87,14 +86,9 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
     /// Choose axes for `method` according to stored choices.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`], as for [`decide`]; [`FormError::Choices`] if `choices` do not belong to a strip.
-    pub(super) fn new(
-        former: &'static str,
-        spec: ImageSpec<'a>,
-        method: M,
-        choices: &FormerChoices,
-    ) -> Result<Self, FormError> {
-        let fitted = choice::chosen(former, &spec, &method, choices)?;
+    /// [`FormError::Unsuited`], as for [`decide`].
+    pub(super) fn new(spec: ImageSpec<'a>, method: M, choices: Choices) -> Result<Self, FormError> {
+        let fitted = choice::chosen(&spec, &method, choices)?;
         Ok(Self {
             spec,
             method,

@@ -1,23 +1,19 @@
 //! Constant false-alarm rate (CFAR) detection in a range profile whose power is summed over channels.
 //!
-//! **Equation.** For a cell of power `p`, summed over `C` channels of independent noise, and `N` training cells around it, beyond the guard cells:
-//!
-//! ```text
-//! averaging   detected if  p > k sum x_n,    Pfa = sum_(i < C) binom(C N + i - 1, i) k^i / (1 + k)^(C N + i)
-//! ordered     detected if  p > k x_(r),      Pfa = E Q(C, k x_(r)),   x_(r) the r-th smallest,  Q(C, x) = exp(-x) sum_(i < C) x^i / i!
-//! ```
-//!
-//! For complex Gaussian noise the power of a cell is Gamma distributed with shape `C`, and the sum of `N` cells with shape `C N`. Given the sum, the cell exceeds the threshold with probability `Q(C, k sum)`, whose mean is
-//! the series above: `p / (p + sum)` is Beta distributed. For `C = 1` it is `(1 + k)^-N`, so that `k = Pfa^(-1/N) - 1`: C (7.8), which multiplies the sum of the training cells' powers, not amplitudes. The density of
-//! `x_(r)` is that of the order statistic, `r binom(N, r) F^(r-1) (1 - F)^(N-r) f`; the mean of `Q` over it is summed numerically.
+//! **Equation.** [`subaperture_core::motion::threshold`], for cell averaging and order statistics. C (7.8) multiplies the sum of the training cells' powers, not
+//! amplitudes.
 //!
 //! **Windows.** A window over frequency correlates neighbouring cells. The sum of training cells then scatters like that of `N_eff = N^2 / sum_ij |rho_ij|^2` independent cells, `rho` being the correlation of the noise,
-//! and is taken for a Gamma variable of that mean and variance; ordered cells are taken for independent. False alarms over those asked for, in 51200 cells at 0.01 (`tests/noise.rs`): 0.98 to 1.04 without a window;
+//! and is taken for a Gamma variable of that mean and variance; ordered cells are taken for independent. False alarms relative to the set probability, in 51200 cells at 0.01 (`tests/noise.rs`): 0.98 to 1.04 without a window;
 //! under Hamming's window 0.92 to 1.06 for averages, 1.25 to 1.27 for order statistics.
 //!
 //! At the ends of a profile the existing cells count, with the factor of their number. Cells that are not finite are skipped. The first of equal neighbours is the peak.
 //!
 //! The core's detector (`subaperture_core::cfar`) averages over one channel's map in bounded memory. This detector handles channels, windows and order statistics.
+
+use subaperture_core::motion::threshold::{
+    Bisection, cell_averaging_factor, log_order_density, order_statistic_factor, rank_of,
+};
 
 /// Largest number of training cells on a side: noise is hardly homogeneous over more.
 pub const MAX_TRAINING: usize = 64;
@@ -128,10 +124,10 @@ impl Detector {
                 _ if count == 0 => f64::INFINITY,
                 Level::Mean => {
                     let effective = (count * count) as f64 / (scatter[before] + scatter[after]);
-                    effective * averaging(probability, channels, effective)
+                    effective * cell_averaging_factor(probability, channels, effective, SEARCH)
                 }
                 Level::Ordered(rank) => *ordered[count].get_or_insert_with(|| {
-                    ordering(probability, channels, count, place(rank, count))
+                    ordering(probability, channels, count, rank_of(rank, count))
                 }),
             }
         };
@@ -225,7 +221,7 @@ impl Detector {
         let level = match self.cfar.level {
             Level::Mean => cells.iter().sum::<f64>() / count as f64,
             Level::Ordered(rank) => {
-                let place = place(rank, count) - 1;
+                let place = rank_of(rank, count) - 1;
                 *cells.select_nth_unstable_by(place, f64::total_cmp).1
             }
         };
@@ -241,11 +237,6 @@ impl Detector {
         !power[first..bin].iter().any(|&p| p >= own)
             && !power[bin + 1..=last].iter().any(|&p| p > own)
     }
-}
-
-/// Order statistic among `count` cells, counted from 1.
-fn place(rank: f64, count: usize) -> usize {
-    ((rank * count as f64).ceil() as usize).clamp(1, count)
 }
 
 /// Variance of the sum of 0 to `most` neighbouring cells, in units of that of one cell: `sum_ij |rho_(i-j)|^2`.
@@ -273,18 +264,11 @@ fn scatter(window: &[f64], most: usize) -> Vec<f64> {
     (0..=most).map(of).collect()
 }
 
-/// Factor that a cell of shape `channels` exceeds with this probability, over a Gamma variable of shape `channels * cells`.
-fn averaging(probability: f64, channels: usize, cells: f64) -> f64 {
-    let shape = channels as f64 * cells;
-    solve(probability, |k| {
-        let (mut term, mut sum) = (libm::exp(-shape * libm::log1p(k)), 0.0);
-        for i in 0..channels {
-            sum += term;
-            term *= (shape + i as f64) / (i as f64 + 1.0) * k / (1.0 + k);
-        }
-        sum
-    })
-}
+/// Search to the precision of float64.
+const SEARCH: Bisection = Bisection {
+    log2: [-60.0, 60.0],
+    steps: 60,
+};
 
 /// Factor that a cell exceeds with this probability, over the `rank`-th smallest of `count` cells.
 fn ordering(probability: f64, channels: usize, count: usize, rank: usize) -> f64 {
@@ -297,61 +281,19 @@ fn ordering(probability: f64, channels: usize, count: usize, rank: usize) -> f64
     let log_choices = libm::lgamma(n + 1.0) - libm::lgamma(r) - libm::lgamma(n - r + 1.0);
     let step = libm::log(most / LOWEST) / STEPS as f64;
     // At the middle of each step.
-    let density = |i: usize| {
+    let level = |i: usize| {
         let x = LOWEST * libm::exp((i as f64 + 0.5) * step);
-        let log_own = shape * libm::log(x) - x - libm::lgamma(shape);
-        let below = match rank {
-            1 => 0.0,
-            _ => (r - 1.0) * libm::log(head(channels, x)),
-        };
-        let log = log_choices + below + (n - r) * libm::log(tail(channels, x)) + log_own;
+        let [smaller, larger, own] = log_order_density(channels, (rank, count), x, leading);
+        let log = log_choices + smaller + larger + (own - libm::lgamma(shape));
         (x, libm::exp(log))
     };
-    let densities: Vec<(f64, f64)> = (0..STEPS).map(density).collect();
-    let total: f64 = densities.iter().map(|(_, weight)| weight).sum();
-    solve(probability, |k| {
-        let each = densities.iter();
-        each.map(|(x, weight)| weight * tail(channels, k * x))
-            .sum::<f64>()
-            / total
-    })
+    let levels: Vec<(f64, f64)> = (0..STEPS).map(level).collect();
+    order_statistic_factor(probability, channels, levels.iter().copied(), SEARCH)
 }
 
-/// Probability that a Gamma variable exceeds `x`: `exp(-x) sum_(i < shape) x^i / i!`.
-fn tail(shape: usize, x: f64) -> f64 {
-    let (mut term, mut sum) = (libm::exp(-x), 0.0);
-    for i in 0..shape {
-        sum += term;
-        term *= x / (i as f64 + 1.0);
-    }
-    sum
-}
-
-/// Probability that it is below `x`, without the cancellation of `1 - tail`.
-fn head(shape: usize, x: f64) -> f64 {
-    if x > 1.0 {
-        return 1.0 - tail(shape, x);
-    }
-    let first = libm::exp(shape as f64 * libm::log(x) - x - libm::lgamma(shape as f64 + 1.0));
-    let (mut term, mut sum) = (first, 0.0);
-    for i in 0..20 {
-        sum += term;
-        term *= x / (shape + i + 1) as f64;
-    }
-    sum
-}
-
-/// Argument at which a function that falls from 1 to 0 reaches `probability`.
-fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (-60.0, 60.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        match falling(libm::exp2(middle)) > probability {
-            true => low = middle,
-            false => high = middle,
-        }
-    }
-    libm::exp2(high)
+/// Leading term of [`threshold::gamma_lower_tail`](subaperture_core::motion::threshold::gamma_lower_tail) for any number of channels.
+fn leading(shape: usize, x: f64) -> f64 {
+    libm::exp(shape as f64 * libm::log(x) - x - libm::lgamma(shape as f64 + 1.0))
 }
 
 #[cfg(test)]
@@ -364,7 +306,7 @@ mod tests {
         for (probability, cells) in [(1e-2f64, 5), (1e-4, 16), (1e-6, 32)] {
             let n = cells as f64;
             let known = probability.powf(-1.0 / n) - 1.0;
-            let got = averaging(probability, 1, n);
+            let got = cell_averaging_factor(probability, 1, n, SEARCH);
             assert!((got / known - 1.0).abs() < 1e-12, "{cells}: {got} {known}");
             // Pfa = prod_(i < r) (N - i) / (N - i + k) (Rohling 1983).
             let rank = (3 * cells) / 4;

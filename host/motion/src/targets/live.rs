@@ -26,9 +26,9 @@ use num_complex::Complex32;
 use subaperture_model::phase_history::{Band, Pulse};
 
 use crate::targets::arrangement::Arrangement;
+use crate::targets::detection::{Settings, TargetDetector, TargetsError, profiler};
 use crate::targets::follow::{Event, TargetTracker};
 use crate::targets::profile::Echoes;
-use crate::targets::see::{Settings, TargetDetector, TargetsError, profiler};
 
 /// Lag of the smoother, pulses: poses are final, so it is longer than where a joint solution follows.
 const WINDOW: usize = 40;

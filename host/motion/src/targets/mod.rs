@@ -19,16 +19,16 @@
 
 pub mod arrangement;
 pub mod cfar;
+mod detection;
 pub mod echo;
 pub mod fault;
 pub mod follow;
 pub mod live;
 mod profile;
 mod recover;
-mod see;
 
 pub use arrangement::{Arrangement, ArrangementError};
+pub use detection::{Detections, Settings, TargetsError, detect_targets};
 pub use echo::{Echo, Subtraction};
 pub use fault::Fault;
 pub use recover::{Moment, Mover, Place, Recovered, recover};
-pub use see::{Detections, Settings, TargetsError, detect_targets};

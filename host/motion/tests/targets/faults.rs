@@ -49,7 +49,7 @@ fn recordings_with_no_or_one_target_are_refused() {
     let radar = l_band();
     let no_target = found(channels(recorded(&radar, &[], NOISE))).unwrap_err();
     assert!(
-        matches!(no_target, TargetsError::Nothing { pulses: PULSES, most_db } if most_db < 3.0),
+        matches!(no_target, TargetsError::NoLastingTarget { pulses: PULSES, most_db } if most_db < 3.0),
         "{no_target}"
     );
     let one = found(channels(recorded(&radar, &reflectors()[..1], NOISE))).unwrap_err();
@@ -172,7 +172,7 @@ impl PhaseHistory for Damaged {
     fn read(&self, run: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.whole.read(run.clone(), samples)?;
         let width = self.collection().num_samples;
-        for &pulse in self.pulses.iter().filter(|pulse| run.contains(pulse)) {
+        for &pulse in self.pulses.iter().filter(|pulse| run.contains(*pulse)) {
             samples[(pulse - run.start) * width + 7].im = f32::NAN;
         }
         Ok(())

@@ -233,7 +233,7 @@ impl FormerOptions {
                     let option = typed(&option);
                     format!("{option} has no effect with --algorithm {former}: leave it out")
                 }
-                OptionError::SaysNothing {
+                OptionError::NoEffect {
                     option,
                     other,
                     word,

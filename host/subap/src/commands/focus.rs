@@ -5,6 +5,7 @@ mod check;
 mod corrected;
 mod deliver;
 mod from_maps;
+mod job;
 mod missed;
 mod on_track;
 mod record;
@@ -12,34 +13,28 @@ mod sinks;
 pub(crate) mod summary;
 pub(crate) mod tiled;
 
-use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Instant;
 
-use anyhow::Context;
-use serde_json::{Map, Value};
+use serde_json::Value;
 use subaperture::focus::accuracy::comparison_cost;
-use subaperture::focus::auto::selected;
-use subaperture::focus::beam::{Beam, seeing};
-use subaperture::focus::moving::Moving;
-use subaperture::focus::{FormError, Formed, ImageFormer, Numerics, Plan, Task};
+use subaperture::focus::{Formed, ImageFormer, Plan, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
-use subaperture::io::input::{checksum, open_file};
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{InputFile, PhaseHistory};
+use subaperture::phase_history::PhaseHistory;
 
 use crate::ahead::Ahead;
 use crate::args::{Focus, TrackSource};
 use crate::commands::air::Recorded;
-use crate::commands::export::Products;
 use crate::commands::forming::{self, Surveying};
 use crate::commands::surface;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{advice, interrupt, messages, stages, text};
+use crate::{stages, text};
+use job::{Job, moving, products, with_history};
 
 /// Form the image and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -153,29 +148,6 @@ fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> an
     )
 }
 
-/// Call a function with the recordings as the image uses them: on the requested track, corrected for delay and phase, in the frame of a moving
-/// target. The function also gets the movers found by a track estimate, for the record.
-fn with_history<T>(
-    session: &Session,
-    typed: &Focus,
-    act: impl FnOnce(&dyn PhaseHistory, Value) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
-    let (recorded, movers) = match &typed.track {
-        None => (session.open(&typed.input)?, Value::Null),
-        Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
-    };
-    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
-    let corrected = corrected::corrected(typed, air.history())?;
-    let recorded: &dyn PhaseHistory = match &corrected {
-        Some(corrected) => corrected,
-        None => air.history(),
-    };
-    match moving(typed, recorded)? {
-        Some(moving) => act(&moving, movers),
-        None => act(recorded, movers),
-    }
-}
-
 /// Measured error of the image in the output folder on `count` of its pixels, with the bound, as in `--check`.
 pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow::Result<Value> {
     with_history(session, typed, |history, _| {
@@ -202,16 +174,6 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
     })
 }
 
-/// Additional output formats of the image.
-fn products(typed: &Focus) -> Products<'_> {
-    Products {
-        folder: &typed.out,
-        formats: &typed.producing.formats,
-        place: typed.producing.place,
-        writing: typed.writing,
-    }
-}
-
 /// Check that an image of this size can be written.
 fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
     Product::prepare(&typed.out, grid.num_pixels()).map_err(|error| match error {
@@ -223,83 +185,6 @@ fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
         )),
         error => error.into(),
     })
-}
-
-/// Image to be formed from a recording.
-pub(crate) struct Job<'a> {
-    pub(crate) session: &'a Session,
-    pub(crate) typed: &'a Focus,
-    /// Pulses, in the frame of the moving target if one is requested.
-    pub(crate) history: &'a dyn PhaseHistory,
-    pub(crate) survey: &'a Surveying<'a>,
-    /// Moving targets found by a track estimate; null otherwise.
-    pub(crate) movers: Value,
-    /// Transforms and timing model.
-    pub(crate) numerics: Numerics<'a>,
-    /// Time at which the run began.
-    pub(crate) start: Instant,
-}
-
-/// The recording in the frame of a moving target, if one is requested.
-fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<Option<Moving<'a>>> {
-    let first_s = recorded.collection().pulses[0].time_s;
-    let moving = typed
-        .motion
-        .velocity
-        .map(|v| Moving::new(recorded, v, first_s));
-    Ok(moving.transpose()?)
-}
-
-impl Job<'_> {
-    /// The given grid or the default one, on the requested surface.
-    fn grid(&self) -> anyhow::Result<ImageGrid> {
-        surface::grid(self.session, &self.typed.image, self.history, || {
-            self.survey.get()
-        })
-    }
-
-    /// Write a complete image by the named former with its record and picture.
-    fn deliver(
-        &self,
-        grid: &ImageGrid,
-        (former, beam): (&str, Option<Beam>),
-        about: record::About,
-        image: deliver::Whole,
-    ) -> anyhow::Result<()> {
-        let Self { session, typed, .. } = *self;
-        interrupt::check()?;
-        let checksums = session.progress("checksums");
-        let mut inputs = self.history.inputs()?;
-        let track = typed.track.as_ref().and_then(TrackSource::file);
-        let logs = typed.logs.navigation.iter().map(PathBuf::as_path);
-        let surfacing = &typed.image.grid;
-        let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
-        // A folder of elevation models is named by the relief.
-        let ground = surfacing.surface.file().into_iter().chain(geoid);
-        let ground = ground.filter(|path| path.is_file());
-        let auxiliary = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
-        for path in auxiliary.chain(ground) {
-            inputs.push(auxiliary_file(path)?);
-        }
-        checksums.finish();
-        let report = about.check.as_ref().map(ToString::to_string);
-        // The resolution is that of the pulses whose beam covers the image centre.
-        let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
-        let seeing = beam.map(|beam| seeing(&beam, self.history, middle_m));
-        let seeing = seeing.transpose().ok().flatten();
-        let mut record = record::Record::of(self, grid, about, &inputs)?;
-        if let Some(seeing) = &seeing {
-            record.seen = Some((seeing.collection(), middle_m));
-        }
-        let resolved = record.settings["resolved"].as_object();
-        let former = resolved.map_or(former, |resolved| selected(resolved, former));
-        let title = format!("{}, {former}", self.survey.get().name);
-        deliver::deliver(session, typed, image, &record, &title)?;
-        match report {
-            Some(check) if !session.json() => Ok(text::say(check)?),
-            _ => Ok(()),
-        }
-    }
 }
 
 /// Print the predicted cost of the image. Returns whether this was a dry run.
@@ -335,7 +220,7 @@ fn form(
         plan.form(former, &Task { monitor, ..*task })
     });
     let formed = formed.map_err(|error| missed::refusal(error, former, &task.spec(), &progress))?;
-    report_settings(&formed.settings);
+    record::report_settings(&formed.settings);
     if formed.bound_missed {
         missed::warn(former, &task.spec(), formed.predicted_error_db, &progress);
     }
@@ -350,40 +235,4 @@ fn form(
     };
     let check = checking.map(against_exact).transpose()?;
     Ok((formed, check))
-}
-
-/// Read an auxiliary file for its checksum in the record.
-fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
-    let named = || format!("cannot read {}", path.display());
-    let mut file = open_file(path).with_context(named)?;
-    let (bytes, crc32) = checksum(&mut file).with_context(named)?;
-    Ok(InputFile {
-        path: path.to_owned(),
-        bytes,
-        crc32,
-    })
-}
-
-/// Report the former's settings and its warnings.
-fn report_settings(settings: &Map<String, Value>) {
-    let report = settings.get("warnings").and_then(Value::as_array);
-    for warning in report.into_iter().flatten().filter_map(Value::as_str) {
-        messages::warning(warning);
-    }
-    for (key, value) in settings {
-        messages::setting(key, value);
-    }
-}
-
-/// Add advice on options to a missed error bound.
-fn with_advice(error: FormError) -> anyhow::Error {
-    match error {
-        FormError::BoundMissed { .. } => {
-            anyhow::anyhow!(
-                "{}: raise --error-db, or use --allow-error to accept the smallest error possible",
-                advice::with_advice(&error)
-            )
-        }
-        error => error.into(),
-    }
 }

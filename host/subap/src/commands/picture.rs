@@ -9,8 +9,9 @@ use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
 use subaperture::plot::{self, Channel, ColourSource, Orientation, Panel, ShownAxis, Source};
-use subaperture::quality::aperture::{Aperture, AperturePart};
+use subaperture::quality::aperture::Aperture;
 use subaperture::quality::polarisation::{Sum, pauli};
+use subaperture::quality::sub_aperture::AperturePart;
 
 use super::stored;
 use crate::args::{ColourMap, Picture};
@@ -41,9 +42,10 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
             "several images are used as the colour channels: leave --sub-apertures and --colours out, or give one image"
         );
     }
-    let parts = match typed.sub_apertures {
-        Some(count) => first.sub_apertures(count.into())?,
-        None => Vec::new(),
+    let aperture = typed.sub_apertures.map(|_| first.aperture()).transpose()?;
+    let parts = match (typed.sub_apertures, &aperture) {
+        (Some(count), Some(aperture)) => first.sub_apertures(aperture, count.into()),
+        _ => Vec::new(),
     };
     let basis = match &images[..] {
         [hh, hv, vh, vv] => {
@@ -119,7 +121,6 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
 struct Pictured {
     stored: OpenImage,
     grid: ImageGrid,
-    aperture: Option<Aperture>,
     rows_down: bool,
     in_metres: bool,
     /// Axis names, if they differ from the grid's.
@@ -148,7 +149,6 @@ impl Pictured {
             .as_ref()
             .map(|record| record["picture"].clone());
         Self {
-            aperture: stored::aperture(&stored),
             grid,
             rows_down,
             in_metres,
@@ -163,15 +163,18 @@ impl Pictured {
         self.about["title"].as_str().map_or(name, str::to_owned)
     }
 
-    /// Sub-apertures from one end of the aperture to the other.
-    fn sub_apertures(&self, count: usize) -> anyhow::Result<Vec<AperturePart<'_>>> {
-        let aperture = self.aperture.as_ref().with_context(|| {
+    fn aperture(&self) -> anyhow::Result<Aperture> {
+        stored::aperture(&self.stored)?.with_context(|| {
             format!(
                 "{}: sub-apertures need the record of a collection of less than 90 degrees on a Cartesian grid, or a SICD that states its \
                  bandwidth",
                 self.stored.path.display()
             )
-        })?;
+        })
+    }
+
+    /// Sub-apertures from one end of the aperture to the other.
+    fn sub_apertures<'a>(&'a self, aperture: &'a Aperture, count: usize) -> Vec<AperturePart<'a>> {
         let end = |k: usize| k as f64 / count as f64;
         let part = |k| {
             AperturePart::new(
@@ -181,7 +184,7 @@ impl Pictured {
                 [end(k), end(k + 1)],
             )
         };
-        Ok((0..count).map(part).collect())
+        (0..count).map(part).collect()
     }
 }
 

@@ -2,79 +2,33 @@
 
 mod from;
 mod pictures;
+mod report;
 mod source;
 mod theory;
 
 use std::path::Path;
 
 use anyhow::Context;
-use serde::Serialize;
 use serde_json::{Value, json};
 use subaperture::geometry::Extent;
 use subaperture::image::Comparison;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::written::WrittenFile;
+use subaperture::quality::PairError;
 use subaperture::quality::coherence::coherence;
-use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
-use subaperture::quality::registration::{Offset, offset};
-use subaperture::quality::response::{
-    Cut, Response, ResponseError, Settings, Target, measure_in, strongest,
-};
+use subaperture::quality::difference::percent_difference;
+use subaperture::quality::registration::offset;
+use subaperture::quality::response::{Cut, ResponseError, Settings, Target, measure_in, strongest};
 use subaperture::quality::statistics::{Region, Statistics};
-use subaperture::quality::{PairError, PixelMap};
 
 use crate::args::Quality;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 use from::From;
+use report::{Against, Point, Report};
 use source::{Both, Source};
 use theory::{Basis, Theory};
-
-/// All measurements of an image.
-#[derive(Serialize)]
-struct Report {
-    image: String,
-    window: Option<String>,
-    points: Vec<Point>,
-    statistics: Statistics,
-    against: Option<Against>,
-}
-
-/// Point response with the theory for each of its cuts.
-#[derive(Serialize)]
-struct Point {
-    response: Response,
-    /// Chip formed for this point, if any.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    formed: Option<from::About>,
-    /// Theory for pulses of equal strength.
-    theory: Vec<Option<Theory>>,
-    /// Theory for pulses weighted by the illumination measured from the recording.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    theory_as_lit: Vec<Option<Theory>>,
-}
-
-/// Difference from another image.
-#[derive(Serialize)]
-struct Against {
-    image: String,
-    /// Compared values: `complex` or `amplitudes`.
-    values: &'static str,
-    /// Numbers of compared rows and columns.
-    pixels: [usize; 2],
-    /// Processing steps and assumptions of the comparison.
-    notes: Vec<String>,
-    comparison: Comparison,
-    percent_difference: PercentSummary,
-    mean_coherence: Option<f64>,
-    /// Offset between the images; `None` if one has no contrast.
-    offset_pixels: Option<Offset>,
-    #[serde(skip)]
-    difference: PercentDifference,
-    #[serde(skip)]
-    coherence: PixelMap,
-}
 
 /// Measure an image and print the results.
 pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
@@ -213,7 +167,7 @@ fn strongest_points(
     };
     let points = found.into_iter().map(|response| Point {
         theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
-        theory_as_lit: Vec::new(),
+        theory_with_gain: Vec::new(),
         formed: None,
         response,
     });
@@ -285,7 +239,7 @@ fn points(
         match measure_in(source.pixels(), &source.grid, target, settings) {
             Ok(response) => measured.push(Point {
                 theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
-                theory_as_lit: Vec::new(),
+                theory_with_gain: Vec::new(),
                 formed: None,
                 response,
             }),
@@ -432,7 +386,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         ]);
         for (name, theory) in [
             ("  theory", &point.theory),
-            ("  theory, as lit", &point.theory_as_lit),
+            ("  theory, with gain", &point.theory_with_gain),
         ] {
             let Some(Some(t)) = theory.get(i) else {
                 continue;
@@ -467,7 +421,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         .zip(&point.theory)
         .filter_map(wider)
         .any(|wider| wider);
-    if any_wider && point.theory_as_lit.is_empty() {
+    if any_wider && point.theory_with_gain.is_empty() {
         text::say(
             "wider than theory for pulses of equal strength: --from RECORDING shows whether the antenna beam is the reason",
         )?;

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use serde::Deserialize;
 use subaperture::image::ImageSource as _;
 use subaperture::images::{OpenImage, Reading};
@@ -37,11 +37,16 @@ fn open_how(session: &Session, path: &Path, verified: bool) -> anyhow::Result<Op
     Ok(OpenImage::open(path, &reading)?)
 }
 
-/// Spatial frequencies of sub-apertures, from a product's record or a SICD's metadata.
-pub(super) fn aperture(image: &OpenImage) -> Option<Aperture> {
-    if let Some(column_band) = image.column_band() {
-        return Aperture::columns(column_band);
+/// Aperture of an image: from a product's record, or from a SICD's metadata and the mean frequency of its pixels.
+pub(super) fn aperture(image: &OpenImage) -> anyhow::Result<Option<Aperture>> {
+    match image.column_band() {
+        Some(column_band) => Aperture::columns(column_band, &image.pixels)
+            .map_err(|error| anyhow!(error).context(image.path.display().to_string())),
+        None => Ok(recorded_aperture(image)),
     }
+}
+
+fn recorded_aperture(image: &OpenImage) -> Option<Aperture> {
     let record = image.record.as_ref()?;
     let (grid, _) = image.grid()?;
     let seen = Geometry::deserialize(&record["collection"]).ok()?;

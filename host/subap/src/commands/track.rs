@@ -131,7 +131,9 @@ fn found_fix(moment: &Moment) -> EstimatedFix {
 /// `error` with advice on options.
 fn explained(error: TargetsError) -> anyhow::Error {
     let advice = match &error {
-        TargetsError::Nothing { .. } => "place reflectors, or search other ranges with --range",
+        TargetsError::NoLastingTarget { .. } => {
+            "place reflectors, or search other ranges with --range"
+        }
         TargetsError::TooFew { .. } | TargetsError::Sparse { .. } => {
             "place a second reflector, or lower --least-snr"
         }

@@ -1,5 +1,6 @@
 //! `subap tune`: calibrate unknown geometry parameters by maximising image sharpness.
 
+mod measure;
 mod pictures;
 mod written;
 
@@ -8,8 +9,8 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::autofocus::{
-    Expected, Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict,
-    determine, rehearse,
+    Expected, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict, determine,
+    rehearse,
 };
 use subaperture::convention::INFERENCE;
 use subaperture::focus::FormError;
@@ -24,6 +25,7 @@ use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
+use measure::{figure, measure_name, rounded};
 
 /// Maximum number of keys varied together: each triples the number of neighbours of the best value.
 const MAX_KEYS: usize = 3;
@@ -313,30 +315,6 @@ impl Model for Varied<'_> {
     fn take(&self, values: &[f64], pulses: Option<&[usize]>) -> Result<Take, FormError> {
         Ok(self.set(values)?.take(self.memory_bytes, pulses)?)
     }
-}
-
-/// Name of the measure and its unit.
-fn measure_name(typed: &Tune) -> String {
-    match typed.grid.clone() {
-        Some(_) => typed.measure.to_string(),
-        None => "power at the points".to_owned(),
-    }
-}
-
-/// Whether smaller values of the measure are sharper; the merit is then its negative.
-fn less_is_better(typed: &Tune) -> bool {
-    typed.grid.is_some() && typed.measure == Measure::Entropy
-}
-
-/// Measure with this merit.
-fn figure(typed: &Tune, merit: f64) -> f64 {
-    if less_is_better(typed) { -merit } else { merit }
-}
-
-/// Round to a ten-thousandth of the step, far below the resolution of the search.
-fn rounded(vary: &Vary, value: f64) -> f64 {
-    let digits = (4.0 - vary.axis.step.log10()).ceil().clamp(0.0, 15.0) as usize;
-    format!("{value:.digits$}").parse().unwrap_or(value)
 }
 
 /// Verdict on a result in words.

@@ -1,7 +1,8 @@
 //! Sub-aperture tiles.
 
 use subaperture_model::image::{ImageSource, ImageSourceError, PixelBlock};
-use subaperture_quality::aperture::{Aperture, parts_of};
+use subaperture_quality::aperture::Aperture;
+use subaperture_quality::sub_aperture::parts_of;
 
 use super::pixels::Pixels;
 use super::tile::{average, cells};
@@ -41,7 +42,7 @@ mod tests {
     use num_complex::Complex32;
     use std::f64::consts::TAU;
     use subaperture_model::image::Image;
-    use subaperture_quality::aperture::AperturePart;
+    use subaperture_quality::sub_aperture::AperturePart;
 
     const SIZE: [usize; 2] = [600, 900];
 
@@ -80,7 +81,7 @@ mod tests {
     fn sub_aperture_tiles_have_no_seams() {
         let image = image();
         let grid: ImageGrid = "x=0:900:1,y=0:600:1".parse().unwrap();
-        let aperture = Aperture::columns(0.5).unwrap();
+        let aperture = Aperture::columns(0.5, &image).unwrap().unwrap();
         let part = [0.25, 0.5];
         let whole = AperturePart::new(&image, &grid, &aperture, part);
         let whole = whole.window(&[0..SIZE[0], 0..SIZE[1]]).unwrap();

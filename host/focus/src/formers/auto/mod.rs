@@ -12,18 +12,19 @@
 //! Error, cost and memory are those of the selected former. Planning takes the time of both.
 
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
-use super::entry::{Entry, of};
+use super::algorithm::Algorithm;
+use super::entry::Entry;
+use super::error_bound::error_bound;
 use super::options::ERROR_DB;
 use super::{bp, ffbp};
 use crate::former_choices::{FormerChoices, misfit};
 use crate::goal::{Settings, misses};
-use crate::{DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
+use crate::{Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
 use subaperture_model::monitor::Monitor;
 
 /// Names of the candidates; the first wins if two are equally fast.
-pub const CANDIDATES: [Entry; 2] = [bp::ENTRY, ffbp::ENTRY];
+pub const CANDIDATES: [Entry; 2] = [bp::Backprojection::ENTRY, ffbp::FastFactorised::ENTRY];
 
 /// Fastest former within a bound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,32 +34,13 @@ pub struct Auto {
     pub error_db: f64,
 }
 
-impl Default for Auto {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-        }
-    }
-}
+error_bound!(Auto {});
 
 impl Auto {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db }
-    }
-
     fn candidates(&self) -> impl Iterator<Item = Box<dyn ImageFormer>> {
         CANDIDATES.iter().map(|entry| entry.within(self.error_db))
     }
 }
-
-pub(super) const ENTRY: Entry = Entry {
-    name: "auto",
-    summary: "the faster of bp and ffbp within the bound",
-    options: &[ERROR_DB],
-    of: of::<Auto>,
-};
 
 /// Name of the former that formed an image with these settings: the one that [`Auto`] selected, or `former` itself.
 pub fn selected<'a>(settings: &'a Settings, former: &'a str) -> &'a str {
@@ -68,36 +50,26 @@ pub fn selected<'a>(settings: &'a Settings, former: &'a str) -> &'a str {
 
 /// Parameters fixed by a plan.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Choices {
+pub(crate) struct Choices {
     /// Name of the selected former, one of [`CANDIDATES`].
     former: String,
     /// Choices of the selected former.
     choices: FormerChoices,
 }
 
-impl ImageFormer for Auto {
-    fn name(&self) -> &'static str {
-        ENTRY.name
-    }
+impl Algorithm for Auto {
+    const ENTRY: Entry = Entry::new::<Self>(
+        "auto",
+        "the faster of bp and ffbp within the bound",
+        &[ERROR_DB],
+    );
 
-    fn settings(&self) -> serde_json::Value {
-        json!(self)
-    }
+    const FOLLOWS_RELIEF: bool = true;
 
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
+    type Choices = Choices;
 
     fn follows_sweeps(&self) -> bool {
         true
-    }
-
-    fn follows_relief(&self) -> bool {
-        true
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db }))
     }
 
     fn decide(
@@ -105,7 +77,7 @@ impl ImageFormer for Auto {
         spec: &ImageSpec,
         goal: &ErrorGoal,
         monitor: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
+    ) -> Result<Decision<Choices>, FormError> {
         let sweeps = spec.collection.sweeps();
         let mut best: Option<(Decision, &'static str)> = None;
         let mut refusal = None;
@@ -134,29 +106,25 @@ impl ImageFormer for Auto {
         let Some((mut decision, name)) = best else {
             return Err(refusal.unwrap_or_else(|| FormError::unsuited("no former takes it")));
         };
-        decision.choices = FormerChoices::new(Choices {
-            former: name.to_owned(),
-            choices: decision.choices,
-        });
         decision.settings["former"] = name.into();
-        Ok(decision)
+        Ok(decision.map_choices(|choices| Choices {
+            former: name.to_owned(),
+            choices,
+        }))
     }
 
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &FormerChoices,
+        choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let Choices {
-            former: name,
-            choices,
-        } = choices.of(ENTRY.name)?;
-        let Some(entry) = CANDIDATES.iter().find(|entry| entry.name == name) else {
+        let selected = |entry: &&Entry| entry.name == choices.former;
+        let Some(entry) = CANDIDATES.iter().find(selected) else {
             return Err(misfit(
-                ENTRY.name,
+                Auto::ENTRY.name,
                 "expected the plan of one of its candidates, found that of another former",
             ));
         };
-        entry.within(self.error_db).open(spec, &choices)
+        entry.within(self.error_db).open(spec, &choices.choices)
     }
 }

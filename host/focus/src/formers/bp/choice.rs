@@ -51,8 +51,8 @@ impl Shares {
     }
 
     /// Relative RMS error of the chosen method without interpolation.
-    pub(super) fn of_way(&self, spec: &ImageSpec, choices: &Choices) -> f64 {
-        match choices.way {
+    pub(super) fn of_paths(&self, spec: &ImageSpec, choices: &Choices) -> f64 {
+        match choices.paths {
             PixelPaths::Tiles { phase_rad, .. } => {
                 let length =
                     RangeProfiler::length_for(spec.collection.num_samples, choices.oversampling);
@@ -139,7 +139,7 @@ struct Candidate {
     length: usize,
     margin: usize,
     pieces: Pieces,
-    way: PixelPaths,
+    paths: PixelPaths,
     /// Estimated time per pixel and pulse on one core, ns.
     pixel_ns: f64,
 }
@@ -162,7 +162,7 @@ pub(super) fn choose(
         oversampling: best.oversampling,
         margin: best.margin,
         summed_pulses: (spec.scratch_bytes / bytes).clamp(1, SUMMED_PULSES as u64) as usize,
-        way: best.way,
+        paths: best.paths,
     };
     (choices, best.pixel_ns)
 }
@@ -180,7 +180,7 @@ impl Candidate {
             length,
             margin: 1,
             pieces: pieces(degree, length, 1, swath),
-            way: PixelPaths::Points,
+            paths: PixelPaths::Points,
             pixel_ns: spec.numerics.model.point_ns,
         };
         let tiles = SIDES.map(|side| match swath {
@@ -253,7 +253,7 @@ impl Candidate {
         Some(Self {
             margin,
             pieces: pieces(self.degree, self.length, margin, Some(swath)),
-            way: PixelPaths::Tiles {
+            paths: PixelPaths::Tiles {
                 side,
                 phase_rad: shares.tiles,
             },

@@ -30,10 +30,11 @@ pub(crate) struct Choices {
     pub(super) margin: usize,
     /// Pulses summed per pixel before they are added to it.
     pub(super) summed_pulses: usize,
-    pub(super) way: PixelPaths,
+    /// Computation of pixel paths.
+    pub(super) paths: PixelPaths,
 }
 
-/// Computation of pixel paths.
+/// Method for the paths of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum PixelPaths {

@@ -54,7 +54,7 @@ pub(super) fn cost(
     let num_pulses = spec.collection.pulses.len();
     let (pulses, d) = (num_pulses as f64, choices.degree as f64);
     let bins = pieces.length() as f64;
-    let (pixel, profile, profile_ns) = match choices.way {
+    let (pixel, profile, profile_ns) = match choices.paths {
         PixelPaths::Blurs(blurs) => {
             let parts = blurs.parts as f64;
             let count = parts * blurs.count as f64;
@@ -64,11 +64,11 @@ pub(super) fn cost(
                 count * model.transform(bins),
             )
         }
-        way => {
+        paths => {
             let row = pieces.row();
             let profile_ns = profile_ns(model, choices.degree, pieces.length(), row);
             let piece = 2.0 * (d + 1.0) * (d + 1.0) + 2.0 * (d + 1.0);
-            let pixel = match way {
+            let pixel = match paths {
                 PixelPaths::Points => POINT,
                 _ => TILE,
             };

@@ -44,14 +44,15 @@ use serde_json::json;
 
 use self::choice::Shares;
 use self::parts::PulseParts;
+use super::Entry;
+use super::algorithm::Algorithm;
+use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use super::{Entry, of};
 use crate::compared::SWATH;
-use crate::former_choices::{FormerChoices, misfit};
+use crate::former_choices::misfit;
 use crate::patch::{PatchSize, Patches};
 use crate::{
-    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
-    Reason, Remedy, rounding,
+    Decision, ErrorGoal, FormError, Forming, ImageSpec, MARGIN_DB, Reason, Remedy, rounding,
 };
 use subaperture_kernels::tile::{self, MAX_DEGREE, Pieces};
 use subaperture_model::monitor::Monitor;
@@ -71,52 +72,21 @@ pub struct Backprojection {
     pub error_db: f64,
 }
 
-impl Default for Backprojection {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-        }
-    }
-}
+error_bound!(Backprojection {});
 
-impl Backprojection {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db }
-    }
-}
+impl Algorithm for Backprojection {
+    const ENTRY: Entry = Entry::new::<Self>(
+        "bp",
+        "backprojection: every pulse's range profile interpolated at every pixel",
+        &[ERROR_DB],
+    );
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "bp",
-    summary: "backprojection: every pulse's range profile interpolated at every pixel",
-    options: &[ERROR_DB],
-    of: of::<Backprojection>,
-};
+    const FOLLOWS_RELIEF: bool = true;
 
-impl ImageFormer for Backprojection {
-    fn name(&self) -> &'static str {
-        ENTRY.name
-    }
-
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
-    }
-
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
+    type Choices = Choices;
 
     fn follows_sweeps(&self) -> bool {
         true
-    }
-
-    fn follows_relief(&self) -> bool {
-        true
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db }))
     }
 
     fn decide(
@@ -124,16 +94,16 @@ impl ImageFormer for Backprojection {
         spec: &ImageSpec,
         goal: &ErrorGoal,
         _: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
+    ) -> Result<Decision<Choices>, FormError> {
         decide(spec, self.error_db, goal, Meaning::Places)
     }
 
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &FormerChoices,
+        choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        open(spec, choices.of(ENTRY.name)?, Meaning::Places)
+        open(spec, choices, Meaning::Places)
     }
 }
 
@@ -143,13 +113,13 @@ pub(crate) fn decide(
     error_db: f64,
     goal: &ErrorGoal,
     meaning: Meaning,
-) -> Result<Decision, FormError> {
+) -> Result<Decision<Choices>, FormError> {
     let collection = spec.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
     let shares = Shares::of(error_db);
     let swath = choice::swath(spec, meaning);
     let mut motion_error = 0.0;
-    let (choices, pixel_ns, way_error) = match collection.sweeps() {
+    let (choices, pixel_ns, path_error) = match collection.sweeps() {
         true => {
             let (choices, errors) = sweeping::choose(spec, error_db - MARGIN_DB, meaning);
             motion_error = errors[1];
@@ -158,7 +128,7 @@ pub(crate) fn decide(
         }
         false => {
             let (choices, pixel_ns) = choice::choose(spec, &shares, swath.as_ref());
-            (choices, pixel_ns, shares.of_way(spec, &choices))
+            (choices, pixel_ns, shares.of_paths(spec, &choices))
         }
     };
     let parts = PulseParts::new(&spec.weights.fast, choices.num_parts());
@@ -172,7 +142,7 @@ pub(crate) fn decide(
     let summed_pulses = choices.summed_pulses;
     let planned_db = rounding::total_db(&[
         profiler.error(),
-        way_error,
+        path_error,
         profiler.rounding(),
         // Sums over blocks of pulses, and over these sums.
         rounding::sum(summed_pulses * choices.num_parts()),
@@ -189,14 +159,14 @@ pub(crate) fn decide(
     })?;
     let length = profiler.length();
     let pieces = choices.pieces(length, swath.as_ref());
-    let (each, pulse_bytes) = match choices.way {
+    let (each, pulse_bytes) = match choices.paths {
         PixelPaths::Blurs(blurs) => (
             blurs.count * blurs.parts,
             sweeping::pulse_bytes(num_samples, &blurs, length),
         ),
         _ => (1, pulse_bytes(num_samples, pieces.values())),
     };
-    let side = match choices.way {
+    let side = match choices.paths {
         PixelPaths::Tiles { side, .. } => side,
         _ => 1,
     };
@@ -209,11 +179,11 @@ pub(crate) fn decide(
             "tile_pixels": side,
             "stray_from": SWATH,
     });
-    if let PixelPaths::Blurs(blurs) = choices.way {
+    if let PixelPaths::Blurs(blurs) = choices.paths {
         settings["pulse_parts"] = blurs.parts.into();
     }
     Ok(Decision {
-        choices: FormerChoices::new(choices),
+        choices,
         settings,
         planned_db,
         grain: Patches::new(spec.grid, PatchSize::square(side)).size(),
@@ -231,7 +201,7 @@ pub(crate) fn open<'a>(
     // Normalise before the transform sums, so that large samples stay within float32.
     let norm = spec.weights.normalisation();
     let window: Vec<f64> = spec.weights.fast.iter().map(|w| w * norm).collect();
-    if let PixelPaths::Blurs(blurs) = choices.way {
+    if let PixelPaths::Blurs(blurs) = choices.paths {
         let opened = sweeping::Opened::new(spec, &choices, blurs, &window, meaning);
         return Ok(Box::new(opened));
     }
@@ -249,7 +219,7 @@ pub(crate) fn open<'a>(
 impl Choices {
     /// Parts of a pulse.
     fn num_parts(&self) -> usize {
-        match self.way {
+        match self.paths {
             PixelPaths::Blurs(blurs) => blurs.parts,
             _ => 1,
         }
@@ -261,7 +231,7 @@ impl Choices {
         let profiles = (1.0..=MAX_OVERSAMPLING).contains(&self.oversampling)
             && (1..=MAX_DEGREE).contains(&self.degree)
             && (1..=MAX_MARGIN).contains(&self.margin);
-        let way = match self.way {
+        let valid_paths = match self.paths {
             _ if !profiles => false,
             PixelPaths::Points => true,
             PixelPaths::Tiles {
@@ -277,10 +247,10 @@ impl Choices {
             PixelPaths::Blurs(blurs) => self.degree == 1 && blurs.suit(num_samples),
         };
         let sums = (1..=SUMMED_PULSES).contains(&self.summed_pulses);
-        match way && sums {
+        match valid_paths && sums {
             true => Ok(()),
             false => Err(misfit(
-                ENTRY.name,
+                Backprojection::ENTRY.name,
                 "expected sizes of range profiles, tiles and sums within their limits",
             )),
         }

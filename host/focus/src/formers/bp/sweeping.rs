@@ -46,7 +46,7 @@ pub(super) fn choose(spec: &ImageSpec, error_db: f64, meaning: Meaning) -> (Choi
         oversampling,
         margin: 1,
         summed_pulses: fit.clamp(1, (SUMMED_BLURRED / blurs.parts).max(1) as u64) as usize,
-        way: PixelPaths::Blurs(blurs),
+        paths: PixelPaths::Blurs(blurs),
     };
     (choices, errors)
 }

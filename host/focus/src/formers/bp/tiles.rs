@@ -29,7 +29,7 @@ pub(super) struct Opened<'a> {
     profiler: RangeProfiler,
     pieces: Pieces,
     summed_pulses: usize,
-    way: PixelPaths,
+    paths: PixelPaths,
     meaning: Meaning,
     patches: Patches,
     highest_hz: f64,
@@ -60,7 +60,7 @@ impl<'a> Opened<'a> {
         choices: Choices,
         meaning: Meaning,
     ) -> Self {
-        let side = match choices.way {
+        let side = match choices.paths {
             PixelPaths::Tiles { side, .. } => side,
             _ => PATCH,
         };
@@ -68,7 +68,7 @@ impl<'a> Opened<'a> {
         Self {
             pieces: choices.pieces(profiler.length(), swath.as_ref()),
             summed_pulses: choices.summed_pulses,
-            way: choices.way,
+            paths: choices.paths,
             patches: Patches::new(spec.grid, PatchSize::square(side)),
             highest_hz: rounding::highest_hz(&spec),
             instructions: Instructions::best(),
@@ -117,7 +117,7 @@ impl<'a> Opened<'a> {
         segments: &mut [Segment],
         scratch: &mut Scratch,
     ) {
-        if let PixelPaths::Tiles { phase_rad, .. } = self.way {
+        if let PixelPaths::Tiles { phase_rad, .. } = self.paths {
             let raster = raster(self.spec.grid, rectangle);
             let (tile, length, pulses) =
                 (&mut scratch.tile, self.pieces.length(), &batch.tile_pulses);

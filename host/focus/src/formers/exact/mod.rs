@@ -171,24 +171,24 @@ impl Exact {
         let columns = grid.columns.count;
         let place = |i: &usize| grid.position_m(i / columns, i % columns);
         let points: Vec<DVec3> = pixels.iter().map(place).collect();
-        let Some(lit) = &weights.illumination else {
+        let Some(illumination) = &weights.illumination else {
             return Self::at_points(history, weights, &points, memory_bytes, monitor);
         };
         let mut values = vec![Complex64::ZERO; pixels.len()];
         let mut of_block: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (at, i) in pixels.iter().enumerate() {
-            let block = lit.block_of(i / columns, i % columns);
+            let block = illumination.block_of(i / columns, i % columns);
             of_block.entry(block).or_default().push(at);
         }
         for (block, own) in of_block {
-            let pulses = lit.pulses(block);
+            let pulses = illumination.pulses(block);
             if pulses.is_empty() {
                 continue;
             }
             let part = PulseRange::new(history, pulses);
             let weights = Weights {
                 fast: weights.fast.clone(),
-                slow: lit.slow(block).0.to_vec(),
+                slow: illumination.slow(block).0.to_vec(),
                 illumination: None,
                 windows: None,
             };

@@ -25,7 +25,7 @@ const MAX_LEVELS: usize = 32;
 
 /// Parameters fixed by a plan; everything else follows from them.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Choices {
+pub(crate) struct Choices {
     pub(super) error_db: f64,
     /// Number of pulses of each block, in order.
     pub(super) stretches: Vec<usize>,

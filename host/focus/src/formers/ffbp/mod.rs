@@ -58,15 +58,16 @@ use std::sync::atomic::AtomicUsize;
 
 use serde_json::json;
 
+use super::Entry;
+use super::algorithm::Algorithm;
+use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
-use crate::former_choices::{FormerChoices, misfit};
+use crate::former_choices::misfit;
 use crate::patch::Patches;
 use crate::sub_cpi::shared_band;
 use crate::{
-    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason,
-    Remedy, Tile, Work, rounding,
+    Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy, Tile, Work, rounding,
 };
 use subaperture_model::monitor::Monitor;
 
@@ -85,56 +86,25 @@ pub struct FastFactorised {
     pub error_db: f64,
 }
 
-impl Default for FastFactorised {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-        }
-    }
-}
+error_bound!(FastFactorised {});
 
-impl FastFactorised {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db }
-    }
-}
+impl Algorithm for FastFactorised {
+    const ENTRY: Entry = Entry::new::<Self>(
+        "ffbp",
+        "fast factorised backprojection: patches within patches, any track",
+        &[ERROR_DB],
+    );
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "ffbp",
-    summary: "fast factorised backprojection: patches within patches, any track",
-    options: &[ERROR_DB],
-    of: of::<FastFactorised>,
-};
+    const FOLLOWS_RELIEF: bool = true;
 
-impl ImageFormer for FastFactorised {
-    fn name(&self) -> &'static str {
-        ENTRY.name
-    }
-
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
-    }
-
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
-
-    fn follows_relief(&self) -> bool {
-        true
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db }))
-    }
+    type Choices = Choices;
 
     fn decide(
         &self,
         spec: &ImageSpec,
         goal: &ErrorGoal,
         _: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
+    ) -> Result<Decision<Choices>, FormError> {
         shared_band(spec.collection)?;
         let refiner = Refiner::of(spec.collection, self.error_db);
         let phases = [
@@ -163,16 +133,16 @@ impl ImageFormer for FastFactorised {
             planned_db,
             grain: tree.patch_size(tree.levels),
             cost: cost::cost(&descents, &refiner),
-            choices: FormerChoices::new(choices),
+            choices,
         })
     }
 
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &FormerChoices,
+        choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Opened::new(spec, choices.of(ENTRY.name)?)?))
+        Ok(Box::new(Opened::new(spec, choices)?))
     }
 }
 
@@ -191,7 +161,7 @@ impl<'a> Opened<'a> {
         shared_band(spec.collection)?;
         if !choices.are_of(&spec) {
             let mismatch = "expected blocks that cover these pulses, leaves of a possible size and a valid error bound";
-            return Err(misfit(ENTRY.name, mismatch));
+            return Err(misfit(FastFactorised::ENTRY.name, mismatch));
         }
         let refiner = Refiner::of(spec.collection, choices.error_db);
         let stretches = choices.stretches(&spec, refiner.taps());

@@ -433,7 +433,7 @@ impl<'a> Refiner<'a> {
         let taps: &[f32; W] = self.taps.as_slice().try_into().expect("as many taps");
         let range = first..first + out.len() / step.size;
         phase_ramps.clear();
-        let turning = |axes: &Axes, path_m: f64| PhaseRamp {
+        let ramp = |axes: &Axes, path_m: f64| PhaseRamp {
             start: axes.start_hz * (path_m / SPEED_OF_LIGHT_M_S),
             step: axes.step_hz * (path_m / SPEED_OF_LIGHT_M_S),
         };
@@ -451,7 +451,7 @@ impl<'a> Refiner<'a> {
                 phase_ramps.extend(
                     pulses
                         .iter()
-                        .map(|p| turning(&axes, p.relative_path_m(centre))),
+                        .map(|p| ramp(&axes, p.relative_path_m(centre))),
                 );
                 let part = needed.start - first..needed.end - first;
                 let width = axes.num_samples;
@@ -470,7 +470,7 @@ impl<'a> Refiner<'a> {
                     let antennas = &step.stretch.thinned[axes.thinning].antennas[needed.clone()];
                     let each = antennas.iter().zip(&parent.data_m[needed.clone()]);
                     let paths_m = each.map(|(a, datum_m)| path_m(a, centre) - datum_m);
-                    phase_ramps.extend(paths_m.map(|path_m| turning(axes, path_m)));
+                    phase_ramps.extend(paths_m.map(|path_m| ramp(axes, path_m)));
                 }
                 let size = axes.layout().values();
                 let values = &parent.values[needed.start * size..needed.end * size];

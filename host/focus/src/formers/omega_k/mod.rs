@@ -46,22 +46,16 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use serde_json::json;
 use subaperture_fft::{Fft, Transforms};
 
+use super::Entry;
+use super::error_bound::error_bound;
+use super::frequency_domain::{self, FrequencyDomain};
 use super::options::ERROR_DB;
-use super::{Entry, of};
 use crate::cost::transform;
-use crate::former_choices::FormerChoices;
-use crate::frequency_domain::{
-    self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS,
-};
-use crate::{
-    BoundPolicy, DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer,
-    ImageSpec, Reason, Remedy, Task, TimeModel, accuracy,
-};
+use crate::frequency_domain::{Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, TAPS};
+use crate::{FormError, Formed, Reason, Remedy, Task, TimeModel};
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
@@ -74,66 +68,23 @@ pub struct OmegaK {
     pub error_db: f64,
 }
 
-impl Default for OmegaK {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-        }
-    }
-}
+error_bound!(OmegaK {});
 
-impl OmegaK {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db }
-    }
-}
+impl FrequencyDomain for OmegaK {
+    const ENTRY: Entry =
+        Entry::new::<Self>("omega-k", "omega-k: nearly straight tracks", &[ERROR_DB]);
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "omega-k",
-    summary: "omega-k: nearly straight tracks",
-    options: &[ERROR_DB],
-    of: of::<OmegaK>,
-};
+    type Method = Stolt;
 
-impl ImageFormer for OmegaK {
-    fn name(&self) -> &'static str {
-        ENTRY.name
+    fn method(&self, _: &Collection) -> Result<Stolt, FormError> {
+        Ok(Stolt)
     }
 
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
-    }
-
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db }))
-    }
-
-    fn decide(
-        &self,
-        spec: &ImageSpec,
-        goal: &ErrorGoal,
-        _: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
-        let settings = json!({});
-        let limit = Reason::new(
+    fn limit(&self) -> Reason {
+        Reason::new(
             "pixels are seen at such steep angles, or from so few wavelengths away, that the edges of the angular spectrum ring",
-        );
-        let limit = limit.helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::FartherGrid]);
-        frequency_domain::decide(spec, &Stolt, goal, &limit, settings)
-    }
-
-    fn open<'a>(
-        &self,
-        spec: ImageSpec<'a>,
-        choices: &FormerChoices,
-    ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Strip::new(ENTRY.name, spec, Stolt, choices)?))
+        )
+        .helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::FartherGrid])
     }
 }
 
@@ -141,30 +92,26 @@ impl OmegaK {
     /// Array sizes for the pixels of `grid`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`], as for [`ImageFormer::form`].
+    /// [`FormError::Unsuited`], as for [`ImageFormer::form`](crate::ImageFormer::form).
     pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
-        frequency_domain::sizes(collection, grid, &Stolt, self.error_db)
+        frequency_domain::sizes(self, collection, grid)
     }
 
-    /// Form the image as [`ImageFormer::form_planned`], and pass every intermediate array to `observe`.
+    /// Form the image as [`ImageFormer::form_planned`](crate::ImageFormer::form_planned), and pass every intermediate array to `observe`.
     ///
     /// # Errors
-    /// Errors of [`ImageFormer::form_planned`].
+    /// Errors of [`ImageFormer::form_planned`](crate::ImageFormer::form_planned).
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep_planned(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
-            let spec = task.spec();
-            Strip::new(ENTRY.name, spec, Stolt, &decision.choices)?
-                .form_observed(work, tiles, observe)
-        })
+        frequency_domain::form_observed(self, task, observe)
     }
 }
 
 /// Exact range wavenumber of a sample.
-struct Stolt;
+pub(crate) struct Stolt;
 
 impl RangeMethod for Stolt {
     fn range_wavenumber(&self, kappa: f64, kx: f64) -> f64 {

@@ -55,17 +55,19 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::Entry;
+use super::algorithm::Algorithm;
+use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use super::{Entry, of};
 use crate::budget::Budget;
-use crate::former_choices::{FormerChoices, misfit};
+use crate::former_choices::misfit;
 use crate::goal::misses;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{
-    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
-    Reason, Remedy, Tile, Work, rounding,
+    Decision, ErrorGoal, FormError, Forming, ImageSpec, MARGIN_DB, Reason, Remedy, Tile, Work,
+    rounding,
 };
 use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -87,22 +89,9 @@ pub struct PolarFormat {
     pub centre_m: Option<DVec3>,
 }
 
-impl Default for PolarFormat {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-            centre_m: None,
-        }
-    }
-}
+error_bound!(PolarFormat { centre_m: None });
 
 impl PolarFormat {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db, ..self }
-    }
-
     /// Set the point about which paths are linearised, scene frame, metres.
     #[must_use]
     pub fn centre_m(self, centre_m: DVec3) -> Self {
@@ -113,36 +102,21 @@ impl PolarFormat {
     }
 }
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "pfa",
-    summary: "polar format: far scenes, small against their distance",
-    options: &[ERROR_DB],
-    of: of::<PolarFormat>,
-};
+impl Algorithm for PolarFormat {
+    const ENTRY: Entry = Entry::new::<Self>(
+        "pfa",
+        "polar format: far scenes, small against their distance",
+        &[ERROR_DB],
+    );
 
-impl ImageFormer for PolarFormat {
-    fn name(&self) -> &'static str {
-        ENTRY.name
-    }
-
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
-    }
-
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db, ..*self }))
-    }
+    type Choices = Choices;
 
     fn decide(
         &self,
         spec: &ImageSpec,
         goal: &ErrorGoal,
         _: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
+    ) -> Result<Decision<Choices>, FormError> {
         let collection = spec.collection;
         let plane = Plane::new(collection, spec.grid, self.centre_m);
         let extent = plane.image_extent(spec.grid);
@@ -166,10 +140,10 @@ impl ImageFormer for PolarFormat {
             }
         })?;
         Ok(Decision {
-            choices: FormerChoices::new(Choices {
+            choices: Choices {
                 taps,
                 centre_m: plane.centre_m.to_array(),
-            }),
+            },
             settings: json!({
                 "centre_m": plane.centre_m.to_array(),
                 "raster": size.cells,
@@ -186,12 +160,11 @@ impl ImageFormer for PolarFormat {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &FormerChoices,
+        choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let choices: Choices = choices.of("pfa")?;
         if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
             return Err(misfit(
-                ENTRY.name,
+                PolarFormat::ENTRY.name,
                 "expected a centre within 1e12 m of the scene's origin",
             ));
         }
@@ -204,7 +177,7 @@ impl ImageFormer for PolarFormat {
 
 /// Parameters fixed by a plan.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-struct Choices {
+pub(crate) struct Choices {
     taps: usize,
     centre_m: [f64; 3],
 }

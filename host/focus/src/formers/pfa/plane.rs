@@ -182,7 +182,7 @@ impl<'a> Plane<'a> {
         };
         let slow: Vec<f64> = chosen.iter().map(|&n| weights.slow[n]).collect();
         let (slow, fast) = (Shares::new(&slow), Shares::new(&weights.fast));
-        let known: Vec<(&Pulse, DVec2, f64, f64)> = chosen
+        let linearised: Vec<(&Pulse, DVec2, f64, f64)> = chosen
             .iter()
             .map(|&n| {
                 let pulse = &collection.pulses[n];
@@ -199,7 +199,7 @@ impl<'a> Plane<'a> {
                     let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
                     TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S
                 };
-            let phases_rad: Vec<f64> = known.iter().map(phase_rad).collect();
+            let phases_rad: Vec<f64> = linearised.iter().map(phase_rad).collect();
             [
                 slow.worst(phases_rad.iter().map(|&phase_rad| turned(phase_rad))),
                 slow.worst(rough(&phases_rad).map(turned)),

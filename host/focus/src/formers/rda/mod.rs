@@ -52,21 +52,16 @@ use num_complex::Complex32;
 use serde_json::json;
 use subaperture_fft::{Fft, Transforms};
 
+use super::Entry;
+use super::error_bound::error_bound;
+use super::frequency_domain::{self, FrequencyDomain};
 use super::options::{ERROR_DB, FormerOption, OptionType};
-use super::{Entry, of};
 use crate::cost::transform;
-use crate::former_choices::FormerChoices;
-use crate::frequency_domain::{
-    self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS,
-};
+use crate::frequency_domain::{Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, TAPS};
 use crate::sub_cpi::shared_band;
-use crate::{
-    BoundPolicy, DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer,
-    ImageSpec, Reason, Remedy, Task, TimeModel, accuracy,
-};
+use crate::{FormError, Formed, Reason, Remedy, Task, TimeModel};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
@@ -82,22 +77,11 @@ pub struct RangeDopplerAlgorithm {
     pub secondary_compression: bool,
 }
 
-impl Default for RangeDopplerAlgorithm {
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-            secondary_compression: true,
-        }
-    }
-}
+error_bound!(RangeDopplerAlgorithm {
+    secondary_compression: true
+});
 
 impl RangeDopplerAlgorithm {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db, ..self }
-    }
-
     /// Enable or disable secondary range compression.
     #[must_use]
     pub fn secondary_compression(self, secondary_compression: bool) -> Self {
@@ -117,53 +101,29 @@ const NO_SRC: FormerOption = FormerOption {
     with: None,
 };
 
-pub(super) const ENTRY: Entry = Entry {
-    name: "rda",
-    summary: "range-Doppler algorithm: nearly straight tracks, little migration",
-    options: &[ERROR_DB, NO_SRC],
-    of: of::<RangeDopplerAlgorithm>,
-};
+impl FrequencyDomain for RangeDopplerAlgorithm {
+    const ENTRY: Entry = Entry::new::<Self>(
+        "rda",
+        "range-Doppler algorithm: nearly straight tracks, little migration",
+        &[ERROR_DB, NO_SRC],
+    );
 
-impl ImageFormer for RangeDopplerAlgorithm {
-    fn name(&self) -> &'static str {
-        ENTRY.name
+    type Method = Expansion;
+
+    fn method(&self, collection: &Collection) -> Result<Expansion, FormError> {
+        Ok(Expansion {
+            centre: centre_wavenumber(&shared_band(collection)?),
+            secondary_compression: self.secondary_compression,
+        })
     }
 
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
+    fn limit(&self) -> Reason {
+        Reason::new("range cell migration is corrected to the first order in frequency only")
+            .helped_by(&[Remedy::OtherFormer(&["omega-k"]), Remedy::SmallerGrid])
     }
 
-    fn bound_db(&self) -> Option<f64> {
-        Some(self.error_db)
-    }
-
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        Some(Box::new(Self { error_db, ..*self }))
-    }
-
-    fn decide(
-        &self,
-        spec: &ImageSpec,
-        goal: &ErrorGoal,
-        _: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
-        let method = self.expansion(spec.collection)?;
-        let settings = json!({
-            "secondary_range_compression": self.secondary_compression,
-        });
-        let limit =
-            Reason::new("range cell migration is corrected to the first order in frequency only")
-                .helped_by(&[Remedy::OtherFormer(&["omega-k"]), Remedy::SmallerGrid]);
-        frequency_domain::decide(spec, &method, goal, &limit, settings)
-    }
-
-    fn open<'a>(
-        &self,
-        spec: ImageSpec<'a>,
-        choices: &FormerChoices,
-    ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let method = self.expansion(spec.collection)?;
-        Ok(Box::new(Strip::new(ENTRY.name, spec, method, choices)?))
+    fn summary(&self) -> serde_json::Value {
+        json!({ "secondary_range_compression": self.secondary_compression })
     }
 }
 
@@ -171,34 +131,21 @@ impl RangeDopplerAlgorithm {
     /// Array sizes for the pixels of `grid`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`], as for [`ImageFormer::form`].
+    /// [`FormError::Unsuited`], as for [`ImageFormer::form`](crate::ImageFormer::form).
     pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
-        let method = self.expansion(collection)?;
-        frequency_domain::sizes(collection, grid, &method, self.error_db)
+        frequency_domain::sizes(self, collection, grid)
     }
 
-    fn expansion(&self, collection: &Collection) -> Result<Expansion, FormError> {
-        Ok(Expansion {
-            centre: centre_wavenumber(&shared_band(collection)?),
-            secondary_compression: self.secondary_compression,
-        })
-    }
-
-    /// Form the image as [`ImageFormer::form_planned`], and pass every intermediate array to `observe`.
+    /// Form the image as [`ImageFormer::form_planned`](crate::ImageFormer::form_planned), and pass every intermediate array to `observe`.
     ///
     /// # Errors
-    /// Errors of [`ImageFormer::form_planned`].
+    /// Errors of [`ImageFormer::form_planned`](crate::ImageFormer::form_planned).
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep_planned(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
-            let spec = task.spec();
-            let method = self.expansion(spec.collection)?;
-            Strip::new(ENTRY.name, spec, method, &decision.choices)?
-                .form_observed(work, tiles, observe)
-        })
+        frequency_domain::form_observed(self, task, observe)
     }
 }
 
@@ -208,7 +155,7 @@ fn centre_wavenumber(band: &Band) -> f64 {
 
 /// Range wavenumber to first order in frequency.
 #[derive(Clone, Copy, Debug)]
-struct Expansion {
+pub(crate) struct Expansion {
     /// Carrier wavenumber `kappa_c`, rad/m.
     centre: f64,
     secondary_compression: bool,

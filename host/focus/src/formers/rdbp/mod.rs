@@ -24,13 +24,11 @@ mod times;
 
 use serde_json::json;
 
-use super::{Entry, of};
+use super::Entry;
+use super::algorithm::Algorithm;
+use super::error_bound::error_bound;
 use crate::compared::SWATH;
-use crate::former_choices::FormerChoices;
-use crate::{
-    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason,
-    Remedy,
-};
+use crate::{Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy};
 use subaperture_model::monitor::Monitor;
 
 pub use plan::{Plan, Request};
@@ -63,24 +61,13 @@ pub struct RangeDopplerBackprojection {
     pub patch_m: Option<f64>,
 }
 
-impl Default for RangeDopplerBackprojection {
-    fn default() -> Self {
-        Self {
-            mode: Mode::Precise,
-            error_db: DEFAULT_ERROR_DB,
-            sub_cpi: None,
-            patch_m: None,
-        }
-    }
-}
+error_bound!(RangeDopplerBackprojection {
+    mode: Mode::Precise,
+    sub_cpi: None,
+    patch_m: None,
+});
 
 impl RangeDopplerBackprojection {
-    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db, ..self }
-    }
-
     /// Set the method for computing and interpolating maps.
     #[must_use]
     pub fn mode(self, mode: Mode) -> Self {
@@ -106,21 +93,14 @@ impl RangeDopplerBackprojection {
     }
 }
 
-pub(super) const ENTRY: Entry = Entry {
-    name: options::NAME,
-    summary: "sub-CPI range-Doppler backprojection: any track, fast",
-    options: &options::ALL,
-    of: of::<RangeDopplerBackprojection>,
-};
+impl Algorithm for RangeDopplerBackprojection {
+    const ENTRY: Entry = Entry::new::<Self>(
+        options::NAME,
+        "sub-CPI range-Doppler backprojection: any track, fast",
+        &options::ALL,
+    );
 
-impl ImageFormer for RangeDopplerBackprojection {
-    fn name(&self) -> &'static str {
-        ENTRY.name
-    }
-
-    fn settings(&self) -> serde_json::Value {
-        serde_json::json!(self)
-    }
+    type Choices = Choices;
 
     fn bound_db(&self) -> Option<f64> {
         match self.mode {
@@ -133,9 +113,9 @@ impl ImageFormer for RangeDopplerBackprojection {
         self.mode == Mode::Precise
     }
 
-    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+    fn planning_for(&self, error_db: f64) -> Option<Self> {
         match self.mode {
-            Mode::Precise => Some(Box::new(Self { error_db, ..*self })),
+            Mode::Precise => Some(self.error_db(error_db)),
             Mode::Thesis(_) => None,
         }
     }
@@ -145,15 +125,13 @@ impl ImageFormer for RangeDopplerBackprojection {
         spec: &ImageSpec,
         goal: &ErrorGoal,
         monitor: &dyn Monitor,
-    ) -> Result<Decision, FormError> {
+    ) -> Result<Decision<Choices>, FormError> {
         match self.mode {
             Mode::Thesis(options) => {
                 let sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
                 let choices = thesis::Choices::new(sub_cpi, &options)?;
-                Ok(Decision {
-                    choices: FormerChoices::new(Choices::Thesis(choices)),
-                    ..choices.decide(spec, goal)?
-                })
+                let decision = choices.decide(spec, goal)?;
+                Ok(decision.map_choices(Choices::Thesis))
             }
             Mode::Precise => {
                 let request = Request {
@@ -172,7 +150,7 @@ impl ImageFormer for RangeDopplerBackprojection {
                 let choices = precise::Choices::new(spec, &plan, monitor)?;
                 let (grain, cost) = choices.grain_and_cost(spec)?;
                 Ok(Decision {
-                    choices: FormerChoices::new(Choices::Precise(choices)),
+                    choices: Choices::Precise(choices),
                     settings: json!({
                         "mode": "precise",
                         "sub_cpi_pulses": plan.sub_cpi_length,
@@ -193,9 +171,9 @@ impl ImageFormer for RangeDopplerBackprojection {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &FormerChoices,
+        choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(match choices.of("rdbp")? {
+        Ok(match choices {
             Choices::Precise(choices) => choices.open(spec)?,
             Choices::Thesis(choices) => Box::new(thesis::Opened::new(spec, choices)?),
         })
@@ -205,7 +183,7 @@ impl ImageFormer for RangeDopplerBackprojection {
 /// Parameters fixed by a plan of either mode.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Choices {
+pub(crate) enum Choices {
     Precise(precise::Choices),
     Thesis(thesis::Choices),
 }

@@ -60,7 +60,7 @@ const SMALLER: &[Remedy] = &[Remedy::Smaller(&["patch", "sub_cpi"]), Remedy::Mor
 
 /// Parameters fixed by a plan.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Choices {
+pub(crate) struct Choices {
     /// Number of pulses of each sub-CPI, in order.
     sub_cpis: Vec<usize>,
     patch_rows: usize,

@@ -48,7 +48,7 @@ use super::cost;
 use super::layout::Layout;
 use super::mapper::{MAPS, PIXELS};
 use crate::budget::Budget;
-use crate::former_choices::FormerChoices;
+
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::read_ahead::{BLOCKS_HELD, read_ahead};
@@ -98,7 +98,7 @@ impl Default for Thesis {
 
 /// Parameters fixed by a plan.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Choices {
+pub(crate) struct Choices {
     sub_cpi: usize,
     keystone: bool,
     doppler_padding: usize,
@@ -137,7 +137,11 @@ impl Choices {
     }
 
     /// Predict the error of these parameters for `spec`.
-    pub(super) fn decide(&self, spec: &ImageSpec, goal: &ErrorGoal) -> Result<Decision, FormError> {
+    pub(super) fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+    ) -> Result<Decision<Self>, FormError> {
         let layout = self.layout(spec)?;
         let (num_samples, longest) = (layout.band.count, layout.longest);
         let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
@@ -157,7 +161,7 @@ impl Choices {
                 .helped_by(&[Remedy::Smaller(&["sub_cpi"]), PRECISE])
         })?;
         Ok(Decision {
-            choices: FormerChoices::new(*self),
+            choices: *self,
             settings: json!({
                 "mode": "thesis",
                 "keystone": self.keystone,

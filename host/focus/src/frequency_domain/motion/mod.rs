@@ -92,7 +92,7 @@ use subaperture_model::phase_history::{Collection, Pulse};
     serde::Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Compensation {
+pub(crate) enum Compensation {
     /// Even pulse positions, compensation for one point.
     #[default]
     Point,

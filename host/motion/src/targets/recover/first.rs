@@ -10,7 +10,7 @@ use crate::movers::Doubt;
 
 use super::solved::{Solved, without};
 use super::trust::{FITS, misfit};
-use crate::targets::see::{Detections, TargetsError};
+use crate::targets::detection::{Detections, TargetsError};
 
 /// Pulses of a segment.
 const SEGMENT: usize = 32;

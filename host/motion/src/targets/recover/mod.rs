@@ -35,8 +35,8 @@ use glam::{DMat3, DVec3};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Channels;
 
+use crate::targets::detection::{Detections, Settings, TargetsError, detect_targets};
 use crate::targets::fault::Fault;
-use crate::targets::see::{Detections, Settings, TargetsError, detect_targets};
 use aligned::Aligned;
 use first::{First, first};
 use moving::Moving;
@@ -225,9 +225,10 @@ pub fn recover(
         true => Datum::Shape,
         false => Datum::First,
     };
-    let known = found.joint_covariances.aligned(&found.poses, datum);
-    let covariance =
-        |i: usize| known[i].own * residuals.own[i] + known[i].by_targets * residuals.by_targets;
+    let variances = found.joint_covariances.aligned(&found.poses, datum);
+    let covariance = |i: usize| {
+        variances[i].own * residuals.own[i] + variances[i].by_targets * residuals.by_targets
+    };
     let moments = kept.iter().enumerate().map(|(i, &n)| Moment {
         pulse: n,
         time_s: seen.times_s[n],
@@ -279,9 +280,9 @@ pub fn recover(
     }
     // Increments have the larger of both enlargements.
     let steps = found.steps.into_iter().enumerate();
-    let steps = steps.map(|(i, (step, known))| {
+    let steps = steps.map(|(i, (step, variance))| {
         let larger = residuals.by_targets.max(residuals.own[i]);
-        (step, known * larger)
+        (step, variance * larger)
     });
     Ok(Recovered {
         moments,

@@ -6,8 +6,8 @@ use crate::movers::{Mover, velocities};
 use crate::{Pose, Sighting, Target};
 
 use super::solved::Solved;
+use crate::targets::detection::Detections;
 use crate::targets::follow::differences_rad;
-use crate::targets::see::Detections;
 
 /// Squared velocity over its variance that one standing target in ten million exceeds.
 const MOVES: f64 = 32.0;

@@ -4,9 +4,9 @@ use crate::{Sighting, Target};
 
 use super::moving::Moving;
 use super::solved::Solved;
+use crate::targets::detection::Detections;
 use crate::targets::echo::Echo;
 use crate::targets::follow::{TrackerSettings, associate, differences_rad, sighting};
-use crate::targets::see::Detections;
 
 /// Targets up to this multiple of the follower's distance distort each other's phases by more than noise.
 pub(super) const APART: f64 = 4.0 / 3.0;

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use crate::{Array, MotionError, Pose, Sighting, Track, Tracker, track_numbered};
 
-use crate::targets::see::{Detections, TargetsError, WINDOW};
+use crate::targets::detection::{Detections, TargetsError, WINDOW};
 
 /// Largest number of targets of a track, most sightings first: the time of a pulse grows with the cube of their number.
 const MAX_SOLVED: usize = 48;

@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use crate::Sighting;
 
 use super::solved::Solved;
-use crate::targets::see::Detections;
+use crate::targets::detection::Detections;
 
 /// Squared residuals over their expectation up to which a track fits.
 pub(super) const FITS: f64 = 2.0;

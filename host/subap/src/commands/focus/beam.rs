@@ -3,7 +3,7 @@
 use glam::DVec3;
 use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::{
-    Beam, BeamChoice, BeamSource, ChosenBeam, InBeam, Rejected, choose,
+    Beam, BeamChoice, BeamSource, BeamWarning, ChosenBeam, InBeam, Rejected, choose,
 };
 use subaperture::focus::coverage::Coverage;
 use subaperture::geometry::ImageGrid;
@@ -42,28 +42,21 @@ pub(crate) fn former(
     if let Some(warning) = coverage.and_then(|coverage| coverage.warning()) {
         messages::warning(warning);
     }
-    match &chosen.rejected {
-        Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
-            "{rejected}. Give the approximate direction with --beam auto --squint DEG, or use all pulses with --beam none"
-        )),
-        Some(rejected) => messages::warning(rejected.to_string()),
-        None => {}
-    }
-    if let (Some(ghosts), true) = (&chosen.ghosts, chosen.rejected.is_none()) {
-        messages::warning(format!(
-            "{ghosts}: choose a narrower grid, or a narrower beam with --beam DEG"
-        ));
+    for warning in chosen.warnings(grid) {
+        messages::warning(match warning {
+            BeamWarning::Rejected(Rejected::Undecided { .. }) => format!(
+                "{warning}. Give the approximate direction with --beam auto --squint DEG, or use all pulses with --beam none"
+            ),
+            BeamWarning::Ghosts(_) => {
+                format!("{warning}: choose a narrower grid, or a narrower beam with --beam DEG")
+            }
+            _ => warning.to_string(),
+        });
     }
     let Some(beam) = chosen.beam.clone() else {
         return Ok(plain);
     };
     messages::note(&describe(&chosen, &beam, choice != BeamChoice::Stated));
-    if let unseen @ 1.. = chosen.num_unseen {
-        messages::warning(format!(
-            "{unseen} of {} pixels are illuminated by no pulse: they are zero",
-            grid.num_pixels()
-        ));
-    }
     Ok(Box::new(InBeam::new(plain, beam)?))
 }
 
@@ -82,14 +75,14 @@ fn choice(typed: &Imaging) -> BeamChoice {
     }
 }
 
-fn describe(chosen: &ChosenBeam, beam: &Beam, asked: bool) -> String {
+fn describe(chosen: &ChosenBeam, beam: &Beam, requested: bool) -> String {
     let modulo = chosen.ambiguity_rad.map_or(String::new(), |modulo| {
         format!(
             ", modulo {:.3} deg (--squint selects the ambiguity)",
             modulo.to_degrees()
         )
     });
-    let none = match asked {
+    let none = match requested {
         true => "",
         false => "; --beam none uses all pulses for all pixels",
     };

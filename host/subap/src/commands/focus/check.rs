@@ -63,7 +63,7 @@ impl Plan {
                 left_bytes: left_bytes as u64,
             }),
             None => Err(FormError::Memory {
-                what: advice::CHECK,
+                purpose: advice::CHECK,
                 needed_bytes,
                 budget_bytes: task.memory_bytes,
                 remedies: &[Remedy::MoreMemory],

@@ -1,16 +1,23 @@
 //! Writing of a complete image with its record and picture, and the summary printed for it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use serde_json::{Value, json};
+use subaperture::focus::auto::selected;
+use subaperture::focus::beam::{Beam, seeing};
+use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, ImageSource};
+use subaperture::io::input::{checksum, open_file};
 use subaperture::io::product::{self, CompleteProduct, Product, TiledProduct};
 use subaperture::io::tiles::{self, TileStore};
 use subaperture::io::written::WrittenFile;
+use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::plot::{self, Panel, Source};
 
-use super::record::Record;
-use crate::args::Focus;
+use super::job::{Job, products};
+use super::record::{About, Record};
+use crate::args::{Focus, TrackSource};
 use crate::commands::export::Written;
 use crate::config::Session;
 use crate::{interrupt, messages, text};
@@ -68,6 +75,51 @@ impl Whole<'_> {
     }
 }
 
+impl Job<'_> {
+    /// Write a complete image by the named former with its record and picture.
+    pub(super) fn deliver(
+        &self,
+        grid: &ImageGrid,
+        (former, beam): (&str, Option<Beam>),
+        about: About,
+        image: Whole,
+    ) -> anyhow::Result<()> {
+        let Self { session, typed, .. } = *self;
+        interrupt::check()?;
+        let checksums = session.progress("checksums");
+        let mut inputs = self.history.inputs()?;
+        let track = typed.track.as_ref().and_then(TrackSource::file);
+        let logs = typed.logs.navigation.iter().map(PathBuf::as_path);
+        let surfacing = &typed.image.grid;
+        let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
+        // A folder of elevation models is named by the relief.
+        let ground = surfacing.surface.file().into_iter().chain(geoid);
+        let ground = ground.filter(|path| path.is_file());
+        let auxiliary = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
+        for path in auxiliary.chain(ground) {
+            inputs.push(auxiliary_file(path)?);
+        }
+        checksums.finish();
+        let report = about.check.as_ref().map(ToString::to_string);
+        // The resolution is that of the pulses whose beam covers the image centre.
+        let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        let seeing = beam.map(|beam| seeing(&beam, self.history, middle_m));
+        let seeing = seeing.transpose().ok().flatten();
+        let mut record = Record::of(self, grid, about, &inputs)?;
+        if let Some(seeing) = &seeing {
+            record.seen = Some((seeing.collection(), middle_m));
+        }
+        let resolved = record.settings["resolved"].as_object();
+        let former = resolved.map_or(former, |resolved| selected(resolved, former));
+        let title = format!("{}, {former}", self.survey.get().name);
+        deliver(session, typed, image, &record, &title)?;
+        match report {
+            Some(check) if !session.json() => Ok(text::say(check)?),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Write the output folder and report it.
 pub(super) fn deliver(
     session: &Session,
@@ -98,14 +150,14 @@ pub(super) fn deliver(
         image.write_metadata(out, record.to_json(title), quicklook)?
     };
     writing.finish();
-    let products = super::products(typed).write(session)?;
+    let products = products(typed).write(session)?;
     if session.json() {
         return text::say_json("focus", summary(record, files, &products));
     }
     report(session, typed, record, &products)
 }
 
-/// The result as JSON. All settings and figures are in the record, which is among its files.
+/// The result as JSON. The record, which is among its files, contains all settings and figures.
 fn summary(record: &Record, mut files: Vec<WrittenFile>, products: &[Written]) -> Value {
     let Record {
         settings,
@@ -127,12 +179,12 @@ fn summary(record: &Record, mut files: Vec<WrittenFile>, products: &[Written]) -
         "former": former,
         "grid": {
             "kind": if grid.polar { "polar" } else { "cartesian" },
-            "columns": { "count": grid.columns.count, "step": grid.columns.step },
-            "rows": { "count": grid.rows.count, "step": grid.rows.step },
+            "columns": grid.columns.count,
+            "rows": grid.rows.count,
         },
         "predicted_error_db": resolved["predicted_error_db"],
         "measured_error_db": measured,
-        "times_s": messages::times(),
+        "run_time_s": messages::run_time_s(),
         "files": files,
     })
 }
@@ -169,4 +221,16 @@ fn report(
         text::say(product.files[0].path.display().to_string())?;
     }
     Ok(())
+}
+
+/// Read an auxiliary file for its checksum in the record.
+fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
+    let named = || format!("cannot read {}", path.display());
+    let mut file = open_file(path).with_context(named)?;
+    let (bytes, crc32) = checksum(&mut file).with_context(named)?;
+    Ok(InputFile {
+        path: path.to_owned(),
+        bytes,
+        crc32,
+    })
 }

@@ -15,8 +15,8 @@ use subaperture::module::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
 use super::deliver::{Whole, deliver};
+use super::missed::with_advice;
 use super::record::Record;
-use super::with_advice;
 use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::commands::forming;

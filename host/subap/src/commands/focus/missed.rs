@@ -63,3 +63,16 @@ fn with_bound(
         _ => "; no --error-db below 0 can be kept, so that no useful image is possible".to_owned(),
     }
 }
+
+/// Add advice on options to a missed error bound.
+pub(super) fn with_advice(error: FormError) -> anyhow::Error {
+    match error {
+        FormError::BoundMissed { .. } => {
+            anyhow::anyhow!(
+                "{}: raise --error-db, or use --allow-error to accept the smallest error possible",
+                advice::with_advice(&error)
+            )
+        }
+        error => error.into(),
+    }
+}

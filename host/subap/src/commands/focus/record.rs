@@ -11,8 +11,8 @@ use subaperture::phase_history::{Collection, InputFile};
 use subaperture::plot::Orientation;
 use subaperture::resolution::support::RecordedLooks;
 
-use super::Job;
 use super::check::Check;
+use super::job::Job;
 use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
@@ -176,4 +176,15 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
         settings["movers"] = job.movers.clone();
     }
     settings
+}
+
+/// Report the former's settings and its warnings.
+pub(super) fn report_settings(settings: &Map<String, Value>) {
+    let report = settings.get("warnings").and_then(Value::as_array);
+    for warning in report.into_iter().flatten().filter_map(Value::as_str) {
+        messages::warning(warning);
+    }
+    for (key, value) in settings {
+        messages::setting(key, value);
+    }
 }

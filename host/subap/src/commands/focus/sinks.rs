@@ -223,7 +223,7 @@ impl ImageSink for StoreSink<'_> {
                     "complete": false,
                     "part": part.to_string(),
                     "tiles": { "formed": there, "count": all },
-                    "times_s": messages::times(),
+                    "run_time_s": messages::run_time_s(),
                     "files": [WrittenFile::new(self.store.folder(), FileKind::Image)],
                 });
                 text::say_json("focus", part).map_err(io::Error::other)?;

@@ -33,9 +33,11 @@ use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 
 use super::deliver::Whole;
+use super::job::{Job, products, with_history};
+use super::missed::with_advice;
 use super::sinks::{ArraySink, StoreSink, claim};
 use super::summary::describe;
-use super::{Job, beam, check, missed, record, with_advice};
+use super::{beam, check, missed, record};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
@@ -48,9 +50,9 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     // Processes that execute a plan in parallel share the folder; only the one that writes the record needs an exclusive claim.
     let claims = claim(session, typed)?;
     let own = claims.filter(|_| typed.tiled.plan.is_none());
-    let products = super::products(typed);
+    let products = products(typed);
     let _products = products.claim(session, &typed.input.files)?;
-    super::with_history(session, typed, |history, movers| {
+    with_history(session, typed, |history, movers| {
         products.check_place(&history.collection().frame)?;
         formed(session, typed, (history, movers), own, start)
     })
@@ -326,7 +328,7 @@ impl InParts<'_> {
         if let Some(error_db) = plan.planned_for_db {
             resolved.insert("planned_for_db".to_owned(), error_db.into());
         }
-        super::report_settings(&resolved);
+        record::report_settings(&resolved);
         let mut settings = record::settings(job, &plan.former, &resolved);
         settings["window"] = plan.window.clone().into();
         settings["slow_window"] = plan.slow_window.clone().into();

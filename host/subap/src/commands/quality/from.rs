@@ -1,10 +1,7 @@
 //! `subap quality --from`: points measured on finely sampled chips formed from the recording.
 
-use std::fmt;
-
 use anyhow::{Context, bail};
 use glam::DVec3;
-use serde::Serialize;
 use serde_json::Value;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
@@ -18,7 +15,7 @@ use subaperture::quality::response::{Settings, Target, brightest_in, measure};
 use subaperture::resolution::support::{Looks, measured_gains};
 use subaperture::signal::window::Window;
 
-use super::Point;
+use super::report::{FormedChip, Point};
 use super::source::Source;
 use super::theory::{self, Basis};
 use crate::ahead::{Ahead, reading};
@@ -51,27 +48,6 @@ struct Chip {
     grid: ImageGrid,
     looks: Looks,
     former: &'static dyn ImageFormer,
-}
-
-/// Description of how a chip was formed.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct About {
-    former: &'static str,
-    /// Number of pixels along a side.
-    pixels: usize,
-    /// Pixel steps along rows and columns, metres; radians for the angle of a polar grid.
-    steps: [f64; 2],
-}
-
-impl fmt::Display for About {
-    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [row, column] = self.steps;
-        write!(
-            to,
-            "measured on {0} x {0} pixels formed from the recording by {1}, steps {column:.3e} and {row:.3e}",
-            self.pixels, self.former
-        )
-    }
 }
 
 /// Settings with which the image's recordings were opened.
@@ -294,14 +270,14 @@ impl<'a> From<'a> {
         let progress = self.session.progress("measuring the beam");
         let gains = measured_gains(history, place_m, fast, &progress)?;
         progress.finish();
-        let lit = looks
+        let gained = looks
             .clone()
             .with_gain(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
         let basis = Basis::Unknown;
         Ok(Point {
             theory: theory::of_cuts(&basis, &response, &grid, Some(&looks)),
-            theory_as_lit: theory::of_cuts(&basis, &response, &grid, Some(&lit)),
-            formed: Some(About {
+            theory_with_gain: theory::of_cuts(&basis, &response, &grid, Some(&gained)),
+            formed: Some(FormedChip {
                 former: former.name(),
                 pixels: grid.rows.count,
                 steps: [rows.step, columns.step],

@@ -12,8 +12,8 @@ use subaperture::plot::{
 use subaperture::quality::PixelMap;
 use subaperture::quality::response::Cut;
 
+use super::report::{Point, Report};
 use super::source::Source;
-use super::{Point, Report};
 use crate::interrupt;
 
 /// Lower limit of cuts, dB.
@@ -111,7 +111,10 @@ fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &st
         points: measured.map(|(s, p)| (s * factor, floored(*p))).collect(),
         stroke: Stroke::Solid,
     }];
-    for (theories, lit) in [(&point.theory, ""), (&point.theory_as_lit, ", as lit")] {
+    for (theories, gain) in [
+        (&point.theory, ""),
+        (&point.theory_with_gain, ", with gain"),
+    ] {
         let Some(Some(theory)) = theories.get(index) else {
             continue;
         };
@@ -120,7 +123,7 @@ fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &st
             .iter()
             .map(|&s| (s * factor, floored(theory.power(s))));
         curves.push(Curve {
-            name: format!("{}{lit}", theory.title()),
+            name: format!("{}{gain}", theory.title()),
             points: points.collect(),
             stroke: Stroke::Dashed,
         });

@@ -13,7 +13,7 @@ use subaperture::io::written::FileKind;
 use subaperture::phase_history::{InMemory, PhaseHistory, ReadError, Weights};
 use subaperture::plot::{self, Chart, Colours, Curve, HeatMap, Panel};
 
-use super::{figure, less_is_better, measure_name, rounded};
+use super::measure::{figure, less_is_better, measure_name, rounded};
 use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::interrupt;

@@ -1,4 +1,4 @@
-//! Images to view, opened without reading their pixels.
+//! Images to view, opened without reading their pixels, except for samples of a SICD for its mean frequency.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Product> {
     let image = stored::open_unread(session, path)?;
     let name = path.display().to_string();
     let looks = image.looks();
-    let aperture = stored::aperture(&image);
+    let aperture = stored::aperture(&image)?;
     let rows_down = image.rows_down();
     let grid = image.grid().map(|(grid, frame)| (grid.clone(), frame));
     let folder = image.folder().map(Path::to_owned);

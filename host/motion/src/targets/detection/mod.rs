@@ -1,7 +1,7 @@
 //! Targets of a recording, pulse by pulse.
 
+mod detector;
 mod health;
-mod looker;
 mod lost;
 
 use crate::{Array, Sighting, Tracker};
@@ -16,7 +16,7 @@ use crate::targets::fault::Fault;
 use crate::targets::follow::{Event, TrackerSettings};
 use crate::targets::profile::Profiler;
 
-pub(crate) use looker::TargetDetector;
+pub(crate) use detector::TargetDetector;
 
 /// Lag of the fixed-lag smoother, pulses.
 pub(crate) const WINDOW: usize = 10;
@@ -100,7 +100,7 @@ pub enum TargetsError {
     #[error(
         "no target lasts long enough in {pulses} pulses: the strongest range cell is at {most_db:+.1} dB relative to the detection threshold"
     )]
-    Nothing {
+    NoLastingTarget {
         /// Number of pulses searched.
         pulses: usize,
         /// Highest level of a cell over its threshold, dB.
@@ -125,7 +125,7 @@ pub enum TargetsError {
     },
     /// The channels with echoes do not form an array.
     #[error("{left} of {} channels have echoes (dead: {}): direction of arrival needs two receivers of one transmitter, at most half a wavelength apart", left + dead.len(), dead.join(", "))]
-    Left {
+    TooFewChannels {
         /// Number of channels with echoes.
         left: usize,
         /// Names of those without.
@@ -192,7 +192,7 @@ pub fn detect_targets(
         return Err(TargetsError::AllDead);
     }
     let (alive, dead) = statistics.split(channels);
-    let left = (!dead.is_empty()).then(|| TargetsError::Left {
+    let left = (!dead.is_empty()).then(|| TargetsError::TooFewChannels {
         left: alive.len(),
         dead: dead.iter().map(|(name, _)| name.clone()).collect(),
     });

@@ -202,7 +202,7 @@ impl TargetDetector {
         pulses.extend(follower.finish());
         events.append(&mut follower.events());
         if pulses.iter().all(Vec::is_empty) {
-            return Err(TargetsError::Nothing {
+            return Err(TargetsError::NoLastingTarget {
                 pulses: num_pulses - unreadable.count,
                 most_db: 10.0 * libm::log10(most),
             });
