@@ -39,6 +39,7 @@ fn write(folder: &Path, image: &Image) -> Result<(), WriteError> {
         quicklook: b"not a picture",
     }
     .write(folder)
+    .map(|_| ())
 }
 
 /// An array as numpy.save writes it, by the format's description.
