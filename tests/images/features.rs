@@ -35,7 +35,10 @@ const OPTIONAL: [(&str, &[&str]); 23] = [
     ("dejavu", &["plot", "viewer"]),
     ("rand_chacha", &["simulate", "radio", "uhd", "viewer"]),
     ("serial2", &["link"]),
-    ("subaperture-core", &["link"]),
+    (
+        "subaperture-core",
+        &["link", "motion", "radio", "uhd", "viewer"],
+    ),
     ("subaperture-sicd", &["sicd"]),
     ("tiff", &["terrain"]),
     ("subaperture-planner", &["planner"]),

@@ -80,7 +80,7 @@
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
 //! | `planner` | performance prediction and collection planning | `planner` | |
 //! | `autofocus` | calibration of parameters, phases and tracks by image sharpness | `autofocus` | |
-//! | `motion`, `targets` | ego-motion estimation from echo phases; detected targets | `motion` | |
+//! | `motion`, `targets` | ego-motion estimation from echo phases; detected targets | `motion` | `subaperture-core` |
 //! | `navigation` | navigation logs; their fusion with the estimated track | `navigation` | |
 //! | `track_fusion` | fusion of a recording's echoes and its navigation into one track | `motion` and `navigation` | |
 //! | `maps` | map products: cloud-optimised GeoTIFF, KMZ, PNG with world files | `maps` | `png`, `flate2`, `zip` |
