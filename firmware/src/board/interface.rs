@@ -45,7 +45,7 @@ pub trait Board: Sized {
         reset()
     }
 
-    /// Log a line for a debugger. Discarded if none is attached.
+    /// Log a line for an attached debugger; without one it is discarded.
     fn log(&mut self, message: fmt::Arguments<'_>) {
         log(message);
     }

@@ -244,7 +244,7 @@ impl<const COLUMNS: usize> KeyType for Vec<[f64; COLUMNS]> {
     }
 }
 
-/// Rows of two quantities; none if the key is absent.
+/// Rows of two quantities; empty if the key is absent.
 impl KeyType for Vec<(f64, f64)> {
     const MAY_BE_ABSENT: bool = true;
 

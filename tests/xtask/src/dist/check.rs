@@ -52,7 +52,7 @@ impl Unpacked {
         let Some(before) = self.change_root()? else {
             return Ok(None);
         };
-        self.demo_by(self.command(before, &["demo"])).map(Some)
+        self.checked_demo(self.command(before, &["demo"])).map(Some)
     }
 
     /// Run `subap demo` of an AArch64 archive under `qemu-aarch64`, with an empty environment. Returns its output.
@@ -60,11 +60,11 @@ impl Unpacked {
         let mut command = Command::new("qemu-aarch64");
         command.arg(self.root.join("subap")).arg("demo");
         command.current_dir(&self.root);
-        self.demo_by(bare(&mut command).output())
+        self.checked_demo(bare(&mut command).output())
     }
 
-    /// Check the result of `subap demo` in the root folder. Returns its standard output.
-    fn demo_by(&self, output: std::io::Result<Output>) -> Result<String, String> {
+    /// Check the exit status of `subap demo` and its overview in the root folder. Returns its standard output.
+    fn checked_demo(&self, output: std::io::Result<Output>) -> Result<String, String> {
         let output = output.map_err(|error| format!("subap demo: {error}"))?;
         let overview = self.root.join("subap-demo/overview.png");
         if !output.status.success() || !overview.is_file() {
