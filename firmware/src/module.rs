@@ -20,12 +20,12 @@ use subaperture_core::{
 use crate::endpoint::{Endpoint, LinkBuffers};
 use crate::memory::Placed;
 use crate::place;
-use crate::products::{ChipKernel, ProductBuffers};
+use crate::products::{Chip, ChipKernel, ProductBuffers};
 #[cfg(feature = "fixed")]
 use crate::sizes::BLOCKS;
 use crate::sizes::{
-    CARRIERS, CHANNELS, CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, ODOMETER_BINS,
-    ODOMETER_FREQUENCIES, PATCHES, PROFILER_BINS, PROFILER_PERIOD, PULSES, RANGE_BINS, TARGETS,
+    CARRIERS, CHANNELS, DOPPLER_BINS, FREQUENCIES, ODOMETER_BINS, ODOMETER_FREQUENCIES, PATCHES,
+    PIXELS, PROFILER_BINS, PROFILER_PERIOD, PULSES, RANGE_BINS, SUB_CPIS, TARGETS,
 };
 
 /// Arithmetic that this program is built for.
@@ -42,6 +42,11 @@ type Map = FloatMap<FREQUENCIES, DOPPLER_BINS>;
 
 // Stores are written once per sample and read once per map: placed in the slower, larger memory.
 place!(axi static STORES: PulseStores<Sample, PULSES, FREQUENCIES> = PulseStores::new());
+#[cfg(not(feature = "size-large"))]
+place!(axi static PIXEL_SUMS: [Complex32; PIXELS] = [Complex32::ZERO; PIXELS]);
+// The stores of this size fill that memory.
+#[cfg(feature = "size-large")]
+static PIXEL_SUMS: Placed<[Complex32; PIXELS]> = Placed::new([Complex32::ZERO; PIXELS]);
 place!(sram static MAP: Map = Map::new());
 // Used by every processing step: placed in the memory next to the core.
 static SCRATCH: Placed<Scratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>> =
@@ -55,7 +60,8 @@ static ODOMETER: Placed<Odometer<TARGETS, CHANNELS, ODOMETER_FREQUENCIES, ODOMET
     Placed::new(Odometer::new());
 static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
     Placed::new(Profiler::new());
-static CHIP: Placed<[Complex32; CHIP_PIXELS]> = Placed::new([Complex32::ZERO; CHIP_PIXELS]);
+static CHIPS: Placed<[Chip; PATCHES]> = Placed::new([Chip::EMPTY; PATCHES]);
+static ACCUMULATED: Placed<[u8; SUB_CPIS / 8]> = Placed::new([0; SUB_CPIS / 8]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
 
 /// Create the endpoint on all of the module's buffers. `None` if they were taken before.
@@ -71,7 +77,9 @@ pub fn endpoint(kernel: &ChipKernel) -> Option<Endpoint<'_, Engine<'_>>> {
         row: ROW.try_take()?,
     };
     let products = ProductBuffers {
-        chip: CHIP.try_take()?,
+        pixels: PIXEL_SUMS.try_take()?,
+        chips: CHIPS.try_take()?,
+        accumulated: ACCUMULATED.try_take()?,
         kernel,
         columns: COLUMNS.try_take()?,
     };

@@ -1,46 +1,83 @@
-//! Map products other than the map itself: detections and an image chip.
+//! Map products other than the map itself: detections, and image chips that accumulate the maps of all sub-CPIs.
+
+use core::ops::Range;
 
 use subaperture_core::Complex32;
-use subaperture_core::accumulate::{Kernel, PixelGrid, add_patch_map};
+use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
-use subaperture_core::link::{ChipGrid, Refusal};
-use subaperture_core::stream::{PatchMap, Setup};
+use subaperture_core::link::{ChipGrid, ImageCapacity, MAX_ACCUMULATED_BYTES, Refusal};
+use subaperture_core::stream::{MapHeader, PatchMap, Setup};
 
 /// Maximum number of detections per map.
 pub const DETECTIONS: usize = 32;
 
-/// Interpolation kernel for image chips: 8 taps.
-pub type ChipKernel = Kernel<8, 64>;
-
 /// Buffers of the map products.
 #[derive(Debug)]
 pub struct ProductBuffers<'a> {
-    /// Pixels of the chip. The length limits the size of a chip.
-    pub chip: &'a mut [Complex32],
-    /// Interpolation kernel of the chip.
+    /// Pixels of all chips. The length limits the size of an accumulated image.
+    pub pixels: &'a mut [Complex32],
+    /// Image chips: one per patch.
+    pub chips: &'a mut [Chip],
+    /// Accumulated sub-CPIs: one bit each.
+    pub accumulated: &'a mut [u8],
+    /// Interpolation kernel of the chips.
     pub kernel: &'a ChipKernel,
     /// Column sums for CFAR: one per range bin of the widest map to be searched.
     pub columns: &'a mut [Column],
 }
 
-/// Map products of a run.
+/// Image chip of a patch: its grid and its place among the pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Chip {
+    pub(crate) grid: ChipGrid,
+    first_pixel: u32,
+    /// Number of contributions left out because the pixel lies outside the map.
+    pub(crate) left_out: u32,
+}
+
+impl Chip {
+    /// Chip without pixels; initial value of a static buffer.
+    pub const EMPTY: Self = Self {
+        grid: ChipGrid {
+            patch: 0,
+            origin_m: [0.0; 3],
+            column_step_m: [0.0; 3],
+            row_step_m: [0.0; 3],
+            num_columns: 0,
+            num_rows: 0,
+        },
+        first_pixel: 0,
+        left_out: 0,
+    };
+
+    fn num_pixels(&self) -> u32 {
+        u32::from(self.grid.num_columns) * u32::from(self.grid.num_rows)
+    }
+
+    /// Range of the pixels of a row.
+    fn row_pixels(&self, row: u16) -> Option<Range<usize>> {
+        let columns = usize::from(self.grid.num_columns);
+        let first = self.first_pixel as usize + usize::from(row) * columns;
+        (row < self.grid.num_rows).then_some(first..first + columns)
+    }
+}
+
+/// Map products of a configuration.
+///
+/// A sub-CPI counts as accumulated once the maps of all its patches were added to their chips. In between,
+/// [`Products::is_partial`] holds, and the run must not end.
 #[derive(Debug)]
 pub(crate) struct Products<'a> {
     buffers: ProductBuffers<'a>,
     pub(crate) cfar: Option<Cfar>,
     pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
-    pub(crate) chip: Option<Chip>,
+    num_chips: usize,
+    /// Number of sub-CPIs accumulated, and the sum of their pulse weights.
+    pub(crate) sub_cpis: u32,
+    pub(crate) weight_sum: f32,
+    is_partial: bool,
     /// Next step for the current map.
     next: Next,
-}
-
-/// Image chip being accumulated.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Chip {
-    pub(crate) grid: ChipGrid,
-    /// Number of maps added so far, and the sum of their pulse weights.
-    pub(crate) maps: u32,
-    pub(crate) weight_sum: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,35 +93,98 @@ impl<'a> Products<'a> {
             buffers,
             cfar: None,
             detections: heapless::Vec::new(),
-            chip: None,
+            num_chips: 0,
+            sub_cpis: 0,
+            weight_sum: 0.0,
+            is_partial: false,
             next: Next::Nothing,
         }
     }
 
-    /// Disable all products.
-    pub(crate) fn clear(&mut self) {
-        self.cfar = None;
-        self.chip = None;
-        self.begin_run();
-    }
-
-    /// Reset the products for a new run.
-    pub(crate) fn begin_run(&mut self) {
-        self.detections.clear();
-        self.next = Next::Nothing;
-        self.buffers.chip.fill(Complex32::ZERO);
-        if let Some(chip) = &mut self.chip {
-            chip.maps = 0;
-            chip.weight_sum = 0.0;
+    /// Maximum sizes of an image.
+    pub(crate) fn capacity(&self) -> ImageCapacity {
+        ImageCapacity {
+            pixels: self.buffers.pixels.len() as u32,
+            sub_cpis: (8 * self.buffers.accumulated.len()) as u32,
         }
     }
 
-    /// Enable an image chip. Rows of more than `most_columns` pixels could not be sent.
-    pub(crate) fn set_chip(&mut self, grid: &ChipGrid, most_columns: usize) -> Result<(), Refusal> {
-        let wanted = u32::from(grid.num_columns) * u32::from(grid.num_rows);
-        let most = self.buffers.chip.len() as u32;
-        if wanted == 0 || wanted > most {
-            return Err(Refusal::Chip { wanted, most });
+    /// Disable all products and discard the chips.
+    pub(crate) fn clear(&mut self) {
+        self.cfar = None;
+        self.num_chips = 0;
+        self.sub_cpis = 0;
+        self.weight_sum = 0.0;
+        self.is_partial = false;
+        self.buffers.pixels.fill(Complex32::ZERO);
+        self.buffers.accumulated.fill(0);
+        self.begin_run();
+    }
+
+    /// Reset the products of single maps for a new run. Chips keep their sums.
+    pub(crate) fn begin_run(&mut self) {
+        self.detections.clear();
+        self.next = Next::Nothing;
+    }
+
+    /// Chips in the order of their patches.
+    pub(crate) fn chips(&self) -> &[Chip] {
+        self.buffers.chips.get(..self.num_chips).unwrap_or(&[])
+    }
+
+    /// Whether some chips contain a sub-CPI that others do not.
+    pub(crate) fn is_partial(&self) -> bool {
+        self.is_partial
+    }
+
+    /// Bytes of the list of accumulated sub-CPIs from `first` on, a multiple of 8.
+    pub(crate) fn accumulated(&self, first: u32) -> &[u8] {
+        let rest = self.buffers.accumulated.get(first as usize / 8..);
+        let rest = rest.unwrap_or(&[]);
+        rest.get(..MAX_ACCUMULATED_BYTES).unwrap_or(rest)
+    }
+
+    fn has(&self, sub_cpi: u32) -> bool {
+        let byte = self.buffers.accumulated.get(sub_cpi as usize / 8);
+        byte.is_some_and(|byte| byte >> (sub_cpi % 8) & 1 == 1)
+    }
+
+    /// Set the chip of the next patch, or the same chip again. Rows of more than `most_columns` pixels could not be sent.
+    pub(crate) fn set_chip(
+        &mut self,
+        grid: &ChipGrid,
+        most_columns: usize,
+        sub_cpis: u32,
+    ) -> Result<(), Refusal> {
+        let (index, capacity) = (usize::from(grid.patch), self.capacity());
+        if self
+            .chips()
+            .get(index)
+            .is_some_and(|chip| chip.grid == *grid)
+        {
+            return Ok(());
+        }
+        if index != self.num_chips || index >= self.buffers.chips.len() {
+            return Err(Refusal::PatchIndex);
+        }
+        if sub_cpis == 0 || sub_cpis > capacity.sub_cpis {
+            return Err(Refusal::SubCpis {
+                wanted: sub_cpis,
+                most: capacity.sub_cpis,
+            });
+        }
+        let first_pixel = self.chips().iter().map(Chip::num_pixels).sum();
+        let chip = Chip {
+            grid: *grid,
+            first_pixel,
+            left_out: 0,
+        };
+        let wanted = first_pixel.saturating_add(chip.num_pixels());
+        if chip.num_pixels() == 0 || wanted > capacity.pixels {
+            return Err(Refusal::Chip {
+                wanted,
+                most: capacity.pixels,
+            });
         }
         if usize::from(grid.num_columns) > most_columns {
             return Err(Refusal::Chip {
@@ -92,11 +192,10 @@ impl<'a> Products<'a> {
                 most: most_columns as u32,
             });
         }
-        self.chip = Some(Chip {
-            grid: *grid,
-            maps: 0,
-            weight_sum: 0.0,
-        });
+        if let Some(place) = self.buffers.chips.get_mut(index) {
+            *place = chip;
+            self.num_chips = index.saturating_add(1);
+        }
         Ok(())
     }
 
@@ -109,30 +208,40 @@ impl<'a> Products<'a> {
     /// Start the products of a map.
     pub(crate) fn begin_map(&mut self, map: &PatchMap<'_>) {
         self.detections.clear();
-        let wanted = self
-            .chip
-            .as_mut()
-            .filter(|chip| chip.grid.patch == map.header.patch_index);
-        self.next = match wanted {
-            Some(chip) => {
-                chip.maps = chip.maps.saturating_add(1);
-                chip.weight_sum += map.header.weight_sum;
-                Next::ChipRow(0)
-            }
-            None => Next::Search,
+        let accumulate = self.num_chips > 0 && !self.has(map.header.sub_cpi);
+        self.is_partial |= accumulate;
+        self.next = if accumulate {
+            Next::ChipRow(0)
+        } else {
+            Next::Search
         };
+    }
+
+    /// End the products of a map. The last patch completes its sub-CPI.
+    pub(crate) fn end_map(&mut self, header: &MapHeader) {
+        let last = usize::from(header.patch_index).saturating_add(1) == self.num_chips;
+        if !(self.is_partial && last) {
+            return;
+        }
+        let place = self
+            .buffers
+            .accumulated
+            .get_mut(header.sub_cpi as usize / 8);
+        if let Some(byte) = place {
+            *byte |= 1 << (header.sub_cpi % 8);
+        }
+        self.is_partial = false;
+        self.sub_cpis = self.sub_cpis.saturating_add(1);
+        self.weight_sum += header.weight_sum;
     }
 
     /// Do one step: add one row to the chip, or search the map. Returns false if nothing is left.
     pub(crate) fn work(&mut self, setup: &Setup, map: &PatchMap<'_>) -> bool {
         match self.next {
             Next::ChipRow(row) => {
-                self.next = match self.chip {
-                    Some(chip) if row < chip.grid.num_rows => {
-                        self.add_chip_row(&chip.grid, row, setup, map);
-                        Next::ChipRow(row.wrapping_add(1))
-                    }
-                    _ => Next::Search,
+                self.next = match self.add_chip_row(row, setup, map) {
+                    Some(()) => Next::ChipRow(row.wrapping_add(1)),
+                    None => Next::Search,
                 };
                 true
             }
@@ -155,11 +264,12 @@ impl<'a> Products<'a> {
         }
     }
 
-    fn add_chip_row(&mut self, grid: &ChipGrid, row: u16, setup: &Setup, map: &PatchMap<'_>) {
-        let columns = usize::from(grid.num_columns);
-        let first = usize::from(row) * columns;
-        let pixels = self.buffers.chip.get_mut(first..).unwrap_or(&mut []);
-        let pixels = pixels.get_mut(..columns).unwrap_or(&mut []);
+    /// Add a row of the chip of the map's patch. `None` after the last row.
+    fn add_chip_row(&mut self, row: u16, setup: &Setup, map: &PatchMap<'_>) -> Option<()> {
+        let chips = self.buffers.chips.get_mut(..self.num_chips)?;
+        let chip = chips.get_mut(usize::from(map.header.patch_index))?;
+        let pixels = self.buffers.pixels.get_mut(chip.row_pixels(row)?)?;
+        let grid = &chip.grid;
         let mut origin_m = grid.origin_m;
         for (place, step) in origin_m.iter_mut().zip(grid.row_step_m) {
             *place += f64::from(row) * step;
@@ -168,31 +278,32 @@ impl<'a> Products<'a> {
             origin_m,
             column_step_m: grid.column_step_m,
             row_step_m: [0.0; 3],
-            num_columns: columns,
+            num_columns: pixels.len(),
             num_rows: 1,
         };
         // The map is normalised by its number of pulses; the chip will be by the sum of all weights.
         let weight = f32::from(map.header.num_pulses);
         // Cannot fail: the pixels have the length of the row.
-        let _ = add_patch_map(pixels, &line, setup, map, self.buffers.kernel, weight);
+        let inside = add_patch_map(pixels, &line, setup, map, self.buffers.kernel, weight).ok()?;
+        let left_out = pixels.len().saturating_sub(inside) as u32;
+        chip.left_out = chip.left_out.saturating_add(left_out);
+        Some(())
     }
 
-    /// Encode a row of the chip into `out`, normalised by the weights.
+    /// Encode a row of a chip into `out`, normalised by the weights.
     pub(crate) fn chip_row<'b>(
         &self,
         chip: &Chip,
         row: u16,
         out: &'b mut [u8],
     ) -> Option<&'b [u8]> {
-        let columns = usize::from(chip.grid.num_columns);
-        let first = usize::from(row) * columns;
-        let pixels = self.buffers.chip.get(first..first + columns)?;
-        let scale = if chip.weight_sum > 0.0 {
-            1.0 / chip.weight_sum
+        let pixels = self.buffers.pixels.get(chip.row_pixels(row)?)?;
+        let scale = if self.weight_sum > 0.0 {
+            1.0 / self.weight_sum
         } else {
             0.0
         };
-        let places = out.get_mut(..8 * columns)?;
+        let places = out.get_mut(..8 * pixels.len())?;
         for (place, pixel) in places.as_chunks_mut().0.iter_mut().zip(pixels) {
             let ([a, b, c, d], [e, f, g, h]) = (
                 (pixel.re * scale).to_le_bytes(),

@@ -80,5 +80,16 @@ const PROFILER: [usize; 3] = if cfg!(feature = "size-small") {
     [32, 256, 512]
 };
 
-/// Maximum number of pixels of an image chip.
-pub const CHIP_PIXELS: usize = 1024;
+/// Maximum number of pixels of an accumulated image. The medium size uses the rest of AXI SRAM, 262 144 bytes in float; the
+/// others leave room for the stack and the stores.
+pub const PIXELS: usize = if cfg!(any(feature = "size-small", feature = "size-large")) {
+    1024
+} else {
+    32_768
+};
+/// Maximum number of sub-CPIs of an accumulated image: one bit each.
+pub const SUB_CPIS: usize = if cfg!(feature = "size-small") {
+    2048
+} else {
+    16_384
+};

@@ -31,6 +31,7 @@ fn write(path: &Path, keep: impl Fn(u32) -> bool) {
     let (history, weights) = simulated();
     let collection = history.collection();
     let requirements = Requirements {
+        product: ModuleProduct::Maps,
         error_db: -60.0,
         room: ModuleCapacity::Ram { bytes: 1 << 20 },
         arithmetic: Arithmetic::Float,

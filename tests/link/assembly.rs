@@ -269,6 +269,7 @@ fn chips_are_complete_or_lost() {
             grid,
             maps: 7,
             weight_sum: 448.0,
+            left_out: 0,
         }];
         all.extend(
             rows.iter()

@@ -4,6 +4,7 @@ mod assembly;
 mod endpoint;
 mod frames;
 mod golden;
+mod image;
 mod increments;
 mod maps_file;
 mod maps_image;

@@ -34,6 +34,7 @@ impl<'a> Bench<'a> {
         let collection = history.collection();
         let weights = Weights::new(collection, window, window);
         let requirements = Requirements {
+            product: ModuleProduct::Maps,
             error_db,
             room: ModuleCapacity::Ram { bytes: 1 << 20 },
             arithmetic: Arithmetic::Float,
@@ -301,6 +302,7 @@ fn plans_fit_module_memory_or_report_least_memory() {
     let grid: ImageGrid = GRID.parse().unwrap();
     let plan = |room: ModuleCapacity, error_db: f64, arithmetic: Arithmetic| {
         let requirements = Requirements {
+            product: ModuleProduct::Maps,
             error_db,
             room,
             arithmetic,

@@ -5,10 +5,10 @@ mod values;
 use proptest::prelude::*;
 use subaperture_core::cfar::Detection;
 use subaperture_core::link::{
-    Command, DETECTION_BYTES, EncodeError, Encoder, Encoding, LinkCounters, MAX_ANTENNAS,
-    MAX_DETECTIONS, MAX_TEXT_BYTES, Message, MotionConfiguration, Received, Receiver, Report, Row,
-    complex32s, detections, f32s, max_frame_bytes, max_received_bytes, row_bytes, sc16s,
-    write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
+    Command, DETECTION_BYTES, EncodeError, Encoder, Encoding, LinkCounters, MAX_ACCUMULATED_BYTES,
+    MAX_ANTENNAS, MAX_DETECTIONS, MAX_TEXT_BYTES, Message, MotionConfiguration, Received, Receiver,
+    Report, Row, complex32s, detections, f32s, max_frame_bytes, max_received_bytes, row_bytes,
+    sc16s, write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
 };
 use subaperture_core::stream::BlockFloat;
 use subaperture_core::{Complex32, Sc16};
@@ -87,14 +87,14 @@ proptest! {
     /// Arbitrary bytes with a correct header and CRC give a message that encodes to the same frame, or are malformed.
     #[test]
     fn arbitrary_payload_round_trips_or_is_malformed(
-        variant in 0..12u8,
+        variant in 0..19u8,
         payload in prop::collection::vec(any::<u8>(), 0..60),
     ) {
         let payload: Vec<u8> = std::iter::once(variant).chain(payload).collect();
-        let frame = framed(1, &[0, 0, 0, 0], &payload);
+        let frame = framed(2, &[0, 0, 0, 0], &payload);
         let mut buffer = [0; 100];
         for number in [0u32, 1] {
-            let frame = if number == 0 { frame.clone() } else { framed(1, &number.to_le_bytes(), &payload) };
+            let frame = if number == 0 { frame.clone() } else { framed(2, &number.to_le_bytes(), &payload) };
             let mut receiver = Receiver::new(&mut buffer);
             let _ = receiver.receive::<Command>(&mut frame.as_slice());
             let counters = *receiver.counters();
@@ -167,14 +167,14 @@ fn framed(version: u8, sequence: &[u8; 4], payload: &[u8]) -> Vec<u8> {
 fn other_protocol_version_is_counted() {
     let mut buffer = [0; 32];
     let mut receiver = Receiver::new(&mut buffer);
-    let wire = framed(2, &[0; 4], &[0]);
+    let wire = framed(3, &[0; 4], &[0]);
     let result = receiver.receive::<Command>(&mut wire.as_slice());
     let damage = result
         .expect("a frame's end")
         .expect_err("not of this version");
     assert_eq!(
         damage.to_string(),
-        "frame of protocol version 2: expected version 1"
+        "frame of protocol version 3: expected version 2"
     );
     assert_eq!(receiver.counters().version, 1);
     assert_eq!(receiver.counters().frames, 0);
@@ -208,6 +208,11 @@ fn longest_messages_fit_stated_sizes() {
         total: short,
         list: &list,
     });
+    let bits = [0xA5; MAX_ACCUMULATED_BYTES];
+    let accumulated = Report::Accumulated {
+        first: long,
+        bits: &bits,
+    };
     let mut encoder = Encoder::new();
     let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
     let mut longest = 0;
@@ -243,10 +248,14 @@ fn longest_messages_fit_stated_sizes() {
     let has_samples = |report: &Report| {
         matches!(
             report,
-            Report::MapRow { .. } | Report::ChipRow { .. } | Report::ProfileRow { .. }
+            Report::MapRow { .. }
+                | Report::ChipRow { .. }
+                | Report::ProfileRow { .. }
+                | Report::Accumulated { .. }
         ) || matches!(report, Report::Detections { list, .. } if list.len() > 160)
     };
-    for report in reports.iter().filter(|report| !has_samples(report)) {
+    let short_ones = reports.iter().filter(|report| !has_samples(report));
+    for report in short_ones.chain([&accumulated]) {
         encoder
             .encode(report, &mut buffer[..without])
             .expect("no samples");

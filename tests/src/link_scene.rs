@@ -1,14 +1,15 @@
 //! A job of a second for a module, and its expected maps, bit by bit.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
-use subaperture::module::link::{Job, MapSink, PulseSource, SinkError};
+use subaperture::module::link::{AccumulatedImage, Job, MapSink, PulseSource, SinkError};
 use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
-use subaperture_core::link::{AssembledMap, Encoding};
-use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};
+use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
+use subaperture_core::link::{AssembledMap, ChipGrid, Encoding};
+use subaperture_core::stream::{FloatBuffers, MapHeader, MapSamples, PatchMap, Progress};
 
 use crate::stream_scene::{Scene, at, patch};
 
@@ -16,6 +17,86 @@ use crate::stream_scene::{Scene, at, patch};
 pub const PULSES: usize = 46;
 /// Maps, of two patches.
 pub const MAPS: usize = 24;
+
+/// Scene of a job for an image: its patches have room for the chips' interpolation kernel.
+pub fn image_scene() -> Scene {
+    let patches = vec![
+        patch([3.0, -2.0, 0.5], 12, 7),
+        patch([-4.0, 6.0, 0.0], 11, 7),
+    ];
+    Scene::new(4, 16, 32, 16, PULSES, patches)
+}
+
+/// Chips of 6 by 5 and 4 by 3 pixels around the patch centres of [`image_scene`].
+pub const CHIPS: [ChipGrid; 2] = [
+    ChipGrid {
+        patch: 0,
+        origin_m: [2.75, -2.25, 0.5],
+        column_step_m: [0.125, 0.0, 0.0],
+        row_step_m: [0.0, 0.125, 0.0],
+        num_columns: 6,
+        num_rows: 5,
+    },
+    ChipGrid {
+        patch: 1,
+        origin_m: [-4.25, 6.0, 0.0],
+        column_step_m: [0.125, 0.0, 0.0],
+        row_step_m: [0.0, 0.125, 0.0],
+        num_columns: 4,
+        num_rows: 3,
+    },
+];
+
+/// Assert that an image is bit-identical to the sum, over the sub-CPIs that it lists, of the maps of the core on this machine.
+///
+/// # Panics
+/// If it differs, or a sub-CPI is listed twice.
+#[track_caller]
+pub fn judge_image(image: &AccumulatedImage) {
+    let scene = image_scene();
+    let maps = expected(&scene);
+    let kernel = ChipKernel::new();
+    let once: BTreeSet<u32> = image.sub_cpis.iter().copied().collect();
+    assert_eq!(once.len(), image.sub_cpis.len(), "{:?}", image.sub_cpis);
+    assert_eq!(image.left_out, 0);
+    for (grid, chip) in CHIPS.iter().zip(&image.chips) {
+        let Some(chip) = chip else { continue };
+        let mut pixels = vec![Complex32::ZERO; chip.len()];
+        let mut weight_sum = 0.0;
+        for &sub_cpi in &image.sub_cpis {
+            let (header, values) = &maps[&(sub_cpi, grid.patch)];
+            let map = PatchMap {
+                header: *header,
+                samples: MapSamples::Float(values),
+            };
+            let weight = f32::from(header.num_pulses);
+            // Row by row, as the module adds them: the position of a row is rounded once.
+            let width = usize::from(grid.num_columns);
+            for (row, line) in pixels.chunks_mut(width).enumerate() {
+                let mut origin_m = grid.origin_m;
+                for (place, step) in origin_m.iter_mut().zip(grid.row_step_m) {
+                    *place += row as f64 * step;
+                }
+                let grid = PixelGrid {
+                    origin_m,
+                    column_step_m: grid.column_step_m,
+                    row_step_m: [0.0; 3],
+                    num_columns: width,
+                    num_rows: 1,
+                };
+                add_patch_map(line, &grid, &scene.setup, &map, &kernel, weight).unwrap();
+            }
+            weight_sum += header.weight_sum;
+        }
+        assert_eq!(image.weight_sum.to_bits(), f32::to_bits(weight_sum));
+        let scale = 1.0 / weight_sum;
+        let pixels: Vec<Complex32> = pixels
+            .iter()
+            .map(|z| Complex32::new(z.re * scale, z.im * scale))
+            .collect();
+        assert_eq!(bits(chip), bits(&pixels), "chip of patch {}", grid.patch);
+    }
+}
 
 /// Scene of the job.
 pub fn scene() -> Scene {

@@ -9,13 +9,14 @@ use std::time::Duration;
 
 use subaperture::module::link::Transport;
 use subaperture_core::Complex32;
+use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FixedBuffers, FloatBuffers, SubCpiProcessor};
 use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
 use subaperture_firmware::engine::WireEngine;
-use subaperture_firmware::products::{ChipKernel, ProductBuffers};
+use subaperture_firmware::products::{Chip, ProductBuffers};
 
 use crate::faults::{Device, Faults, FaultyLine};
 use crate::sweep_scene::SceneProfiler;
@@ -166,11 +167,15 @@ fn serve<E: WireEngine>(
         frame: &mut frame,
         row: &mut row,
     };
-    let mut chip = vec![Complex32::ZERO; 256];
+    let mut pixels = vec![Complex32::ZERO; 256];
+    let mut chips = vec![Chip::EMPTY; 4];
+    let mut accumulated = [0; 16];
     let mut columns = vec![Column::EMPTY; ROW];
     let kernel = ChipKernel::new();
     let products = ProductBuffers {
-        chip: &mut chip,
+        pixels: &mut pixels,
+        chips: &mut chips,
+        accumulated: &mut accumulated,
         kernel: &kernel,
         columns: &mut columns,
     };

@@ -45,7 +45,7 @@ fn buffers_have_documented_sizes() {
     );
 }
 
-/// Statics of the firmware's application with these sizes, in float and in fixed point, and of its options.
+/// Statics of the firmware's application with these sizes, in float and in fixed point, and of its detector.
 fn statics<
     const M: usize,
     const F: usize,
@@ -64,7 +64,7 @@ fn statics<
             + FixedMap::<F, D, B>::BYTES
             + FixedScratch::<M, F, R, P>::BYTES
             + link,
-        size_of::<[Column; F]>() + size_of::<[Complex32; sizes::CHIP_PIXELS]>(),
+        size_of::<[Column; F]>(),
     ]
 }
 
@@ -82,7 +82,7 @@ fn module_plan_memory_matches_firmware_statics() {
             let [float, fixed, options] = statics::<$m, $f, $r, $d, $b, $p>();
             let budget = RamBudget::new(&capacity, Arithmetic::Float);
             assert_eq!(budget.total_bytes, float as u64, "{capacity:?}");
-            assert_eq!(budget.options_bytes, options as u64);
+            assert_eq!(budget.detections_bytes, options as u64);
             let budget = RamBudget::new(&capacity, Arithmetic::Fixed);
             assert_eq!(budget.total_bytes, fixed as u64, "{capacity:?}");
             let sum: u64 = budget.buffers.iter().map(|buffer| buffer.bytes).sum();

@@ -33,6 +33,10 @@ use crate::pulse::distance_m;
 use crate::stream::{Node, PatchMap, Setup, node_offset_pulses};
 use crate::{LengthError, SPEED_OF_LIGHT_M_S, Turns};
 
+/// Interpolation kernel of the module's image chips: 10 taps, in 2560 bytes. Its RMS error along one axis is -79.8 dB for
+/// `R >= 2F`, `D >= 2M` (`tests/stream/kernel.rs`).
+pub type ChipKernel = Kernel<10, 64>;
+
 /// Add `weight` times a patch map to the pixels of `grid`. Returns the number of pixels inside the map.
 ///
 /// # Errors

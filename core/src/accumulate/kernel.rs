@@ -55,6 +55,9 @@ impl<const TAPS: usize, const PHASES: usize> Kernel<TAPS, PHASES> {
     /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
+    /// Number of taps.
+    pub const TAPS: usize = TAPS;
+
     /// Number of taps at or before the interpolated position.
     const BEFORE: usize = TAPS / 2;
 

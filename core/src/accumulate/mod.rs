@@ -17,7 +17,7 @@ use core::fmt;
 
 pub use centre::{Centre, PixelGrid};
 #[cfg(feature = "stream")]
-pub use chip::add_patch_map;
+pub use chip::{ChipKernel, add_patch_map};
 pub use coherent::{CoherentGrid, add_map};
 #[cfg(feature = "stream")]
 pub use kernel::Kernel;

@@ -385,7 +385,7 @@ pub struct ChipAssembly<'b>(Transfer<'b, AssembledChip<'static>>);
 /// Completely received image chip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssembledChip<'s> {
-    /// Number of the chip in the run.
+    /// Number of the transfer in the configuration.
     pub chip: u32,
     /// Pixel grid of the chip.
     pub grid: ChipGrid,
@@ -393,6 +393,8 @@ pub struct AssembledChip<'s> {
     pub maps: u32,
     /// Sum of the slow-time weights of the accumulated pulses.
     pub weight_sum: f32,
+    /// Number of contributions left out because the pixel lies outside the map.
+    pub left_out: u32,
     /// Pixels ([`super::complex32s`]), row-major.
     pub bytes: &'s [u8],
 }
@@ -414,6 +416,7 @@ impl<'b> ChipAssembly<'b> {
                 grid,
                 maps,
                 weight_sum,
+                left_out,
             } => {
                 let row_bytes = row_bytes(Encoding::Complex32, grid.num_columns.into());
                 let checksum = TransferChecksum::new(&grid);
@@ -422,6 +425,7 @@ impl<'b> ChipAssembly<'b> {
                     grid,
                     maps,
                     weight_sum,
+                    left_out,
                     bytes: &[],
                 };
                 self.0
@@ -450,7 +454,7 @@ impl<'b> ChipAssembly<'b> {
         self.0.lost()
     }
 
-    /// Start a new run: chip numbers and counts start at 0.
+    /// Start a new configuration: chip numbers and counts start at 0.
     pub fn restart(&mut self) {
         self.0.restart();
     }

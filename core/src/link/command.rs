@@ -57,7 +57,8 @@ pub enum Command<'a> {
     Status,
     /// Abort the run immediately. Stored pulses are discarded.
     Abort,
-    /// Configure an image chip: the maps of a patch are also accumulated into it, and it is sent after the last map.
+    /// Configure the image chip of a patch: every map of the patch is accumulated into it, until the next configuration.
+    /// Either no patch has a chip or every patch has one; chips are configured in the order of the patches.
     Chip(ChipGrid),
     /// Configure CFAR detection: detections are sent after each map.
     Detect(Cfar),
@@ -104,6 +105,16 @@ pub enum Command<'a> {
         /// Sweep number.
         sweep: u32,
     },
+    /// Request the sub-CPIs accumulated into the chips so far ([`super::Report::Accumulated`]).
+    Accumulated {
+        /// First sub-CPI of the answer, a multiple of 8.
+        first: u32,
+    },
+    /// Request an image chip, between runs. May be repeated.
+    SendChip {
+        /// Index of the patch.
+        patch: u16,
+    },
 }
 
 impl Message for Command<'_> {
@@ -120,6 +131,11 @@ pub struct Configuration {
     pub id: u32,
     /// Settings of the stream processor.
     pub setup: Setup,
+    /// Number of pulses of all runs, from pulse 0; 0 if unknown. The last sub-CPI may have fewer pulses than the setup.
+    /// Any other sub-CPI with fewer pulses is discarded.
+    pub total_pulses: u32,
+    /// Whether maps are sent.
+    pub send_maps: bool,
 }
 
 /// Motion configuration.
@@ -163,7 +179,8 @@ impl Encoding {
 }
 
 /// Pixel grid of an image chip: `origin + column * column_step + row * row_step`, metres. The chip is the sum of a
-/// patch's maps divided by the sum of their pulse weights, so a scatterer of unit amplitude has amplitude 1.
+/// patch's maps over all sub-CPIs divided by the sum of their pulse weights, so a scatterer of unit amplitude has
+/// amplitude 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChipGrid {

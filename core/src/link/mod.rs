@@ -11,7 +11,7 @@
 //!
 //! | offset | bytes | content |
 //! |---|---|---|
-//! | 0 | 1 | protocol version, [`PROTOCOL_VERSION`] = 1 |
+//! | 0 | 1 | protocol version, [`PROTOCOL_VERSION`] = 2 |
 //! | 1 | 4 | sequence number, little endian |
 //! | 5 | n | message, below |
 //! | 5 + n | 4 | CRC-32/ISO-HDLC (as in zlib) of all preceding bytes, little endian |
@@ -41,7 +41,7 @@
 //! | number | name | fields |
 //! |---|---|---|
 //! | 0 | `Hello` | |
-//! | 1 | `Configure` | id `u32`, setup |
+//! | 1 | `Configure` | id `u32`, setup, total pulses `u32`, send maps `u8` (0 or 1) |
 //! | 2 | `Weights` | first `u16`, weights `bytes` (4 each: `f32`) |
 //! | 3 | `Patch` | index `u16`, count `u16`, patch |
 //! | 4 | `Start` | run `u32`, first pulse `u32` |
@@ -57,17 +57,19 @@
 //! | 14 | `Profiles` | id `u32`, sweep setup |
 //! | 15 | `Burst` | sweep `u32`, carrier `u16`, first sample `u32`, samples `bytes` (8 each: real and imaginary counts of the reference, then of the echo, 16-bit two's complement, little endian) |
 //! | 16 | `Sweep` | sweep `u32` |
+//! | 17 | `Accumulated` | first `u32` |
+//! | 18 | `SendChip` | patch `u16` |
 //!
 //! ## Module to host: [`Report`]
 //!
 //! | number | name | fields |
 //! |---|---|---|
-//! | 0 | `Identity` | protocol `u8`, arithmetic, capacity, version `text` |
+//! | 0 | `Identity` | protocol `u8`, arithmetic, capacity, image capacity, version `text` |
 //! | 1 | `Status` | state, configuration `u32`, run `u32`, next pulse `u32`, accept through `u32`, maps `u32`, link counters, pulse counters |
 //! | 2 | `MapStart` | map `u32`, header, encoding |
 //! | 3 | `MapRow` | map `u32`, row `u16`, samples `bytes` |
 //! | 4 | `MapEnd` | map `u32`, rows `u16`, crc `u32` |
-//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32` |
+//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32`, left out `u32` |
 //! | 6 | `ChipRow` | chip `u32`, row `u16`, samples `bytes` (8 each) |
 //! | 7 | `ChipEnd` | chip `u32`, rows `u16`, crc `u32` |
 //! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
@@ -77,6 +79,7 @@
 //! | 12 | `ProfileStart` | profile `u32`, profile header |
 //! | 13 | `ProfileRow` | profile `u32`, row `u16`, samples `bytes` (8 each) |
 //! | 14 | `ProfileEnd` | profile `u32`, rows `u16`, crc `u32` |
+//! | 15 | `Accumulated` | first `u32`, bits `bytes` (lowest bit first) |
 //!
 //! ## Types
 //!
@@ -95,12 +98,13 @@
 //! | grid | patch `u16`, origin, column step, row step metres `[f64; 3]` each, columns `u16`, rows `u16` |
 //! | arithmetic | 0 `Float`, 1 `Fixed` |
 //! | capacity | pulses, frequencies, range bins, Doppler bins, patches, `u16` each |
+//! | image capacity | pixels `u32`, sub-CPIs `u32` |
 //! | state | 0 `Idle`, 1 `Ready`, 2 `Running`, 3 `Finishing`, 4 `Done` |
 //! | link counters | frames, corrupt, malformed, too long, version, lost, repeated, `u32` each |
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
 //! | header | sub-CPI `u32`, patch index `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
 //! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
-//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error |
+//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error, 14 `SubCpis` wanted `u32` most `u32` |
 //! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `TrackerSettings`, 7 `Channels` most `u16`, 8 `Array` |
 //! | sweep error | 0 `Size` sweep quantity, wanted `u32`, least `u32`, most `u32`; 1 `NoPowerOfTwo` `u16`; 2 `Band`; 3 `NotFinite` |
 //! | sweep quantity | 0 carriers, 1 samples a period, 2 samples a burst, 3 bins, 4 weights |
@@ -125,11 +129,13 @@
 //!                                                <-   Status: more credit
 //!                                                <-   MapStart MapRow ... MapEnd, Detections ...
 //! Stop                                           ->
-//!                                                <-   Status: Finishing; the last maps, the chip
+//!                                                <-   Status: Finishing; the last maps
 //!                                                <-   Status: Done
+//! Accumulated, SendChip                          ->
+//!                                                <-   Accumulated, ChipStart ChipRow ... ChipEnd
 //! ```
 //!
-//! - `Hello` is answered by `Identity`. All other commands except `Pulse` are answered by `Status`, or by `Refused`
+//! - `Hello` is answered by `Identity`. Commands for which no other answer is named here are answered by `Status`, or by `Refused`
 //!   with the command's sequence number. Without an answer in time, or without `Ready`, the host repeats the command,
 //!   or the configuration from `Configure` on. All commands may be repeated safely: a `Start` of the current run and a
 //!   `Stop` or `Abort` of a finished run have no effect.
@@ -146,6 +152,11 @@
 //!   are missing from it. `Sweep` is answered by `ProfileStart`, `ProfileRow` and `ProfileEnd`; a host that does not
 //!   receive all of them repeats it. The header states the number of received samples: a host that sent more may
 //!   repeat the sweep from its first burst. There is no credit: samples are processed on arrival.
+//! - Images: after `Chip` for every patch, each sub-CPI is added to all chips exactly once, in any number of runs. A
+//!   sub-CPI that was already added is not added again, an incomplete one is not added, and an `Abort` first completes a
+//!   sub-CPI that some chips contain: the run is over when `Status` says so. `Accumulated` is answered by the list of
+//!   the sub-CPIs added, from which the host knows what to repeat. `SendChip` between runs is answered by `ChipStart`,
+//!   `ChipRow` and `ChipEnd`. A host that does not receive all of them repeats it. `Configure` discards the chips.
 //! - Maps are not retransmitted. An incomplete map is lost and the rest of the run is not affected. The last `Status`
 //!   of the run states the number of maps.
 //! - A host that drops a frame as [`Damage::Repeated`] sends `Hello`: the module has restarted.
@@ -179,7 +190,8 @@ pub use frame::{
 pub use profiles::{AssembledProfile, ProfileAssembly};
 pub use receiver::{Damage, LinkCounters, Received, Receiver};
 pub use report::{
-    Arithmetic, Increment, MAX_TEXT_BYTES, Motion, ProfileHeader, Refusal, Report, State, Status,
+    Arithmetic, ImageCapacity, Increment, MAX_ACCUMULATED_BYTES, MAX_TEXT_BYTES, Motion,
+    ProfileHeader, Refusal, Report, State, Status,
 };
 pub use samples::{
     DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections, f32s, pairs,

@@ -12,6 +12,10 @@ use crate::sweep;
 /// Maximum length in bytes of the text of [`Report::Log`] and the version of [`Report::Identity`].
 pub const MAX_TEXT_BYTES: usize = 160;
 
+/// Maximum length in bytes of the list of a [`Report::Accumulated`]: short, since short frames are less likely to be
+/// damaged.
+pub const MAX_ACCUMULATED_BYTES: usize = 64;
+
 /// Report from the module to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -24,6 +28,8 @@ pub enum Report<'a> {
         arithmetic: Arithmetic,
         /// Maximum sizes that the module's buffers hold.
         capacity: Capacity,
+        /// Maximum sizes of an accumulated image.
+        image: ImageCapacity,
         /// Name and version of the module's program, at most [`MAX_TEXT_BYTES`].
         version: &'a str,
     },
@@ -59,7 +65,7 @@ pub enum Report<'a> {
     },
     /// Start of an image chip.
     ChipStart {
-        /// Number of the chip in the run, from 0.
+        /// Number of the transfer in the configuration, from 0.
         chip: u32,
         /// Pixel grid of the chip.
         grid: ChipGrid,
@@ -67,6 +73,8 @@ pub enum Report<'a> {
         maps: u32,
         /// Sum of the slow-time weights of the accumulated pulses.
         weight_sum: f32,
+        /// Number of contributions left out because the pixel lies outside the map: 0 if the patch contains the chip.
+        left_out: u32,
     },
     /// Next row of the chip.
     ChipRow {
@@ -143,6 +151,24 @@ pub enum Report<'a> {
         /// [`super::TransferChecksum`] of header and rows.
         crc: u32,
     },
+    /// Sub-CPIs accumulated into the chips since the configuration.
+    Accumulated {
+        /// Sub-CPI of the lowest bit of the first byte.
+        first: u32,
+        /// One bit per sub-CPI, lowest bit first, at most [`super::MAX_ACCUMULATED_BYTES`]. Fewer at the end of the list.
+        #[serde(serialize_with = "super::as_bytes")]
+        bits: &'a [u8],
+    },
+}
+
+/// Maximum sizes of an image that the module accumulates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ImageCapacity {
+    /// Pixels of all chips together; 0 if the module accumulates no images.
+    pub pixels: u32,
+    /// Sub-CPIs.
+    pub sub_cpis: u32,
 }
 
 /// Description of a range profile: a [`sweep::SweepProfile`] without its values.
@@ -249,7 +275,7 @@ pub struct Status {
     pub next_pulse: u32,
     /// Credit: pulses with numbers below this value may be sent.
     pub accept_through: u32,
-    /// Number of maps of the run sent or discarded so far.
+    /// Number of maps of the run processed so far: sent if the configuration says so, and accumulated.
     pub maps: u32,
     /// Counters of frames that the module received.
     pub link: LinkCounters,
@@ -289,8 +315,8 @@ pub enum Refusal {
     Setup(SetupError),
     /// Weights beyond the last frequency, or a partial weight.
     Weights,
-    /// A patch index beyond the list, or a list length that differs from before. At a start: the patch index of a chip is
-    /// beyond the list.
+    /// A patch index beyond the list, or a list length that differs from before. For a chip: not the next patch. At a
+    /// start: the number of chips differs from the number of patches.
     PatchIndex,
     /// The arithmetic does not accept this sample encoding. Sent for the first refused pulse of a run.
     Encoding,
@@ -301,7 +327,7 @@ pub enum Refusal {
         /// Received number of sample bytes.
         got: u32,
     },
-    /// The chip has no pixels, or more pixels in total or per row than the module can hold.
+    /// The chip has no pixels, or all chips have more pixels, or the chip has more per row, than the module can hold.
     Chip {
         /// Requested number of pixels.
         wanted: u32,
@@ -318,6 +344,13 @@ pub enum Refusal {
     Antennas,
     /// The setup or the weights of a range-profile configuration are invalid.
     Sweep(sweep::SetupError),
+    /// A chip needs a known number of pulses with at most this many sub-CPIs.
+    SubCpis {
+        /// Requested number of sub-CPIs; 0 if unknown.
+        wanted: u32,
+        /// Maximum number of sub-CPIs.
+        most: u32,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -355,6 +388,10 @@ impl fmt::Display for Refusal {
             ),
             Self::Unsupported => f.write_str("the module was built without this function"),
             Self::Sweep(error) => write!(f, "invalid range-profile configuration: {error}"),
+            Self::SubCpis { wanted, most } => write!(
+                f,
+                "sub-CPIs of an accumulated image: expected 1 to {most}, found {wanted}"
+            ),
             Self::Motion(error) => write!(f, "invalid motion configuration: {error}"),
             Self::Antennas => write!(
                 f,

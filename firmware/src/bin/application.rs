@@ -4,8 +4,8 @@
 #[cfg(target_os = "none")]
 mod target {
     use cortex_m_rt::entry;
+    use subaperture_core::accumulate::ChipKernel;
     use subaperture_firmware::board::{Board, Current};
-    use subaperture_firmware::products::ChipKernel;
     use subaperture_firmware::serve::serve;
     use subaperture_firmware::{fault, module, sizes};
 

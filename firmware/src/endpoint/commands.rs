@@ -18,6 +18,8 @@ impl<E: WireEngine> Module<'_, E> {
                 | Command::Channel { .. }
                 | Command::Burst { .. }
                 | Command::Sweep { .. }
+                | Command::Accumulated { .. }
+                | Command::SendChip { .. }
         );
         let refusal = match *command {
             Command::Hello => {
@@ -53,7 +55,8 @@ impl<E: WireEngine> Module<'_, E> {
             }
             Command::Chip(grid) => {
                 let columns = self.row.len() / link::Encoding::Complex32.sample_bytes();
-                self.add_product(|products| products.set_chip(&grid, columns))
+                let sub_cpis = self.sub_cpis();
+                self.add_product(|products| products.set_chip(&grid, columns, sub_cpis))
             }
             Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
             Command::Motion(configuration) => self.configure_increments(&configuration),
@@ -76,6 +79,11 @@ impl<E: WireEngine> Module<'_, E> {
                 samples,
             } => self.push_burst((sweep, carrier, first), samples),
             Command::Sweep { sweep } => self.ask_for_profile(sweep),
+            Command::Accumulated { first } => {
+                self.due.accumulated = Some(first);
+                Ok(())
+            }
+            Command::SendChip { patch } => self.send_chip(patch),
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
@@ -98,10 +106,19 @@ impl<E: WireEngine> Module<'_, E> {
         self.configuration = configuration.id;
         self.weights = 0;
         self.patches = 0;
+        self.total_pulses = configuration.total_pulses;
+        self.send_maps = configuration.send_maps;
+        self.chips_requested = 0;
         self.transfer = Transfer::Nothing;
         self.products.clear();
         self.state = State::Idle;
         Ok(())
+    }
+
+    /// Number of sub-CPIs of all runs; 0 if unknown.
+    fn sub_cpis(&self) -> u32 {
+        let pulses = self.processor.setup().map_or(1, |setup| setup.num_pulses);
+        self.total_pulses.div_ceil(u32::from(pulses).max(1))
     }
 
     /// Whether the current configuration produces maps.
@@ -196,9 +213,8 @@ impl<E: WireEngine> Module<'_, E> {
             self.start_profiles(run, first);
             return Ok(());
         }
-        let patches = self.processor.patches().len();
-        let chip = self.products.chip;
-        if chip.is_some_and(|chip| usize::from(chip.grid.patch) >= patches) {
+        let chips = self.products.chips().len();
+        if chips > 0 && chips != self.processor.patches().len() {
             return Err(Refusal::PatchIndex);
         }
         self.processor.start(first).map_err(Refusal::Setup)?;
@@ -206,7 +222,7 @@ impl<E: WireEngine> Module<'_, E> {
         self.maps = 0;
         self.transfer = Transfer::Nothing;
         self.products.begin_run();
-        self.chip_sent = false;
+        self.aborting = false;
         self.pulse_refused = false;
         self.reported_credit = self.processor.accept_through();
         self.state = State::Running;
@@ -218,11 +234,26 @@ impl<E: WireEngine> Module<'_, E> {
             self.abort_increments();
         } else if self.is_busy() && self.profiles.is_configured() {
             self.stop_profiles();
+        } else if self.is_busy() && self.products.is_partial() {
+            self.aborting = true;
+            self.state = State::Finishing;
         } else if self.is_busy() {
-            self.processor.stop();
-            self.transfer = Transfer::Nothing;
-            self.state = State::Done;
+            self.end_run();
         }
+    }
+
+    /// Send a chip, or the chip in transfer again.
+    fn send_chip(&mut self, patch: u16) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        if usize::from(patch) >= self.products.chips().len() {
+            return Err(Refusal::PatchIndex);
+        }
+        self.chip = patch;
+        self.chips_requested = self.chips_requested.wrapping_add(1);
+        self.transfer = Transfer::ChipStart;
+        Ok(())
     }
 
     fn push(

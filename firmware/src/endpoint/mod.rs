@@ -12,8 +12,8 @@
 //!                                                                    -> rows -> frame -> pending
 //! ```
 //!
-//! **Order of sending**: identity, refusals, status, then the current map, its detections, and the chip. The buffer holds
-//! one frame at a time.
+//! **Order of sending**: identity, refusals, status, list of accumulated sub-CPIs, then the current map, its detections, or
+//! a chip. The buffer holds one frame at a time.
 //!
 //! | file | content |
 //! |---|---|
@@ -87,17 +87,22 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
                 due: Due {
                     identity: true,
                     status: false,
+                    accumulated: None,
                     refusal: None,
                 },
                 configuration: 0,
                 weights: 0,
                 patches: 0,
+                total_pulses: 0,
+                send_maps: true,
                 run: None,
                 state: State::Idle,
                 maps: 0,
                 reported_credit: 0,
                 transfer: Transfer::Nothing,
-                chip_sent: false,
+                aborting: false,
+                chip: 0,
+                chips_requested: 0,
                 pulse_refused: false,
                 increments: Increments::default(),
                 profiles: Profiles::default(),
@@ -148,7 +153,7 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
         *start = start.saturating_add(count).min(*end);
     }
 
-    /// Do one processing step, unless a map waits to be sent. Returns false if there was nothing to do.
+    /// Do one processing step, unless a map or chip waits to be sent. Returns false if there was nothing to do.
     pub fn work(&mut self) -> bool {
         self.module.work()
     }

@@ -14,6 +14,8 @@ use crate::products::Products;
 pub(super) struct Due {
     pub(super) identity: bool,
     pub(super) status: bool,
+    /// First sub-CPI of a list of accumulated sub-CPIs.
+    pub(super) accumulated: Option<u32>,
     pub(super) refusal: Option<(u32, Refusal)>,
 }
 
@@ -32,12 +34,19 @@ pub(super) struct Module<'a, E: WireEngine> {
     /// Number of weights received, and number of patches announced.
     pub(super) weights: usize,
     pub(super) patches: u16,
+    /// Number of pulses of all runs; 0 if unknown.
+    pub(super) total_pulses: u32,
+    pub(super) send_maps: bool,
     pub(super) run: Option<u32>,
     pub(super) state: State,
     pub(super) maps: u32,
     pub(super) reported_credit: u32,
     pub(super) transfer: Transfer,
-    pub(super) chip_sent: bool,
+    /// Whether the run ends as soon as no sub-CPI is partly accumulated.
+    pub(super) aborting: bool,
+    /// Patch of the chip in transfer, and number of chips requested in this configuration.
+    pub(super) chip: u16,
+    pub(super) chips_requested: u32,
     /// A refused pulse of the run was already reported to the host.
     pub(super) pulse_refused: bool,
     pub(super) increments: Increments<'a>,

@@ -19,6 +19,7 @@ impl<E: WireEngine> Module<'_, E> {
                 protocol: link::PROTOCOL_VERSION,
                 arithmetic: E::ARITHMETIC,
                 capacity: *self.processor.capacity(),
+                image: self.products.capacity(),
                 version: self.version,
             };
             self.pending = send(&mut self.encoder, self.frame, &report);
@@ -65,6 +66,12 @@ impl<E: WireEngine> Module<'_, E> {
                 link,
                 pulses,
             });
+            self.pending = send(&mut self.encoder, self.frame, &report);
+            return;
+        }
+        if let Some(first) = self.due.accumulated.take() {
+            let bits = self.products.accumulated(first);
+            let report = Report::Accumulated { first, bits };
             self.pending = send(&mut self.encoder, self.frame, &report);
             return;
         }
@@ -120,10 +127,7 @@ impl<E: WireEngine> Module<'_, E> {
                 };
                 self.pending = send(&mut self.encoder, self.frame, &report);
                 self.maps = self.maps.saturating_add(1);
-                match self.products.cfar {
-                    Some(_) => Transfer::Detections(0),
-                    None => Transfer::Nothing,
-                }
+                self.after_map()
             }
             _ => {
                 let report = Report::MapStart {
@@ -166,14 +170,15 @@ impl<E: WireEngine> Module<'_, E> {
     }
 
     fn next_of_chip(&mut self, transfer: Transfer) -> Transfer {
-        let Some(chip) = self.products.chip else {
+        let chips = self.products.chips();
+        let Some(chip) = chips.get(usize::from(self.chip)) else {
             return Transfer::Nothing;
         };
-        // One chip per run.
-        let (number, rows) = (0, chip.grid.num_rows);
+        let number = self.chips_requested.wrapping_sub(1);
+        let rows = chip.grid.num_rows;
         match transfer {
             Transfer::ChipRow { row, mut checksum } => {
-                if let Some(samples) = self.products.chip_row(&chip, row, self.row) {
+                if let Some(samples) = self.products.chip_row(chip, row, self.row) {
                     checksum.add_row(samples);
                     let report = Report::ChipRow {
                         chip: number,
@@ -200,8 +205,9 @@ impl<E: WireEngine> Module<'_, E> {
                 let report = Report::ChipStart {
                     chip: number,
                     grid: chip.grid,
-                    maps: chip.maps,
-                    weight_sum: chip.weight_sum,
+                    maps: self.products.sub_cpis,
+                    weight_sum: self.products.weight_sum,
+                    left_out: chip.left_out,
                 };
                 self.pending = send(&mut self.encoder, self.frame, &report);
                 let checksum = TransferChecksum::new(&chip.grid);

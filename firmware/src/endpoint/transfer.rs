@@ -6,7 +6,7 @@ use subaperture_core::link::TransferChecksum;
 #[derive(Debug)]
 pub(super) enum Transfer {
     Nothing,
-    /// A map is complete; its products are being computed.
+    /// A map is complete and its products are being computed.
     Products,
     MapStart,
     MapRow {

@@ -1,7 +1,7 @@
 //! Order of work.
 
 use subaperture_core::link::State;
-use subaperture_core::stream::Progress;
+use subaperture_core::stream::{MapHeader, Progress};
 
 use super::module::Module;
 use super::transfer::Transfer;
@@ -19,13 +19,7 @@ impl<E: WireEngine> Module<'_, E> {
         match self.transfer {
             Transfer::Nothing => {}
             Transfer::Products => {
-                let (setup, map) = (self.processor.setup(), self.processor.map());
-                let more = setup
-                    .zip(map)
-                    .is_some_and(|(setup, map)| self.products.work(setup, &map));
-                if !more {
-                    self.transfer = Transfer::MapStart;
-                }
+                self.work_on_products();
                 return true;
             }
             _ => return false,
@@ -33,7 +27,9 @@ impl<E: WireEngine> Module<'_, E> {
         match self.processor.work() {
             Progress::Busy => true,
             Progress::Map => {
-                if let Some(map) = self.processor.map() {
+                if let Some(map) = self.processor.map()
+                    && self.is_whole(&map.header)
+                {
                     self.products.begin_map(&map);
                     self.transfer = Transfer::Products;
                 }
@@ -41,21 +37,57 @@ impl<E: WireEngine> Module<'_, E> {
             }
             Progress::Idle => {
                 if self.state == State::Finishing {
-                    self.finish();
+                    self.end_run();
                 }
                 false
             }
         }
     }
 
-    /// After the last map: send the chip, then end the run.
-    fn finish(&mut self) {
-        if self.products.chip.is_some_and(|chip| chip.maps > 0) && !self.chip_sent {
-            self.chip_sent = true;
-            self.transfer = Transfer::ChipStart;
-        } else {
-            self.state = State::Done;
-            self.due.status = true;
+    /// Whether the sub-CPI of a map has all its pulses, or the number of pulses is unknown.
+    fn is_whole(&self, header: &MapHeader) -> bool {
+        let most = self.processor.setup().map_or(0, |setup| setup.num_pulses);
+        let first = header.sub_cpi.saturating_mul(most.into());
+        let rest = self.total_pulses.saturating_sub(first);
+        self.total_pulses == 0 || u32::from(header.num_pulses) == rest.min(most.into())
+    }
+
+    /// Do one step of the products of the current map, or start to send the results.
+    fn work_on_products(&mut self) {
+        self.transfer = Transfer::Nothing;
+        let (Some(setup), Some(map)) = (self.processor.setup(), self.processor.map()) else {
+            return;
+        };
+        if self.products.work(setup, &map) {
+            self.transfer = Transfer::Products;
+            return;
         }
+        self.products.end_map(&map.header);
+        self.transfer = if self.send_maps {
+            Transfer::MapStart
+        } else {
+            self.maps = self.maps.saturating_add(1);
+            self.after_map()
+        };
+        if self.aborting && !self.products.is_partial() {
+            self.end_run();
+        }
+    }
+
+    /// What is sent after a map.
+    pub(super) fn after_map(&self) -> Transfer {
+        match self.products.cfar {
+            Some(_) => Transfer::Detections(0),
+            None => Transfer::Nothing,
+        }
+    }
+
+    /// End the run.
+    pub(super) fn end_run(&mut self) {
+        self.processor.stop();
+        self.transfer = Transfer::Nothing;
+        self.aborting = false;
+        self.state = State::Done;
+        self.due.status = true;
     }
 }

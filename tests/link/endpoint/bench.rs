@@ -1,6 +1,7 @@
 //! An endpoint in memory, and the reports a host receives from it.
 
 use num_complex::Complex32;
+use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
 use subaperture_core::link::{
     ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, Increment, MapAssembly,
@@ -15,7 +16,7 @@ use subaperture_core::stream::{
 use subaperture_core::{Pulse, Sc16};
 use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
 use subaperture_firmware::engine::WireEngine;
-use subaperture_firmware::products::{ChipKernel, ProductBuffers};
+use subaperture_firmware::products::{Chip as ChipPlace, ProductBuffers};
 use subaperture_tests::stream_scene::{Scene, patch};
 use subaperture_tests::sweep_scene::{BINS, SceneProfiler};
 
@@ -79,6 +80,10 @@ pub(crate) struct Bench<E: WireEngine + 'static> {
     pub(crate) maps: Vec<Came>,
     pub(crate) chips: Vec<Chip>,
     pub(crate) detections: Vec<Listed>,
+    /// Last list of accumulated sub-CPIs.
+    pub(crate) accumulated: Option<(u32, Vec<u8>)>,
+    /// Whether configurations request maps.
+    pub(crate) send_maps: bool,
     pub(crate) increments: Vec<Increment>,
     pub(crate) profile: ProfileAssembly<'static>,
     pub(crate) profiles: Vec<ProfileCame>,
@@ -103,7 +108,9 @@ impl<E: WireEngine + 'static> Bench<E> {
             row: vec![0; 8 * frequencies].leak(),
         };
         let products = ProductBuffers {
-            chip: vec![Complex32::ZERO; PIXELS].leak(),
+            pixels: vec![Complex32::ZERO; PIXELS].leak(),
+            chips: vec![ChipPlace::EMPTY; PATCHES].leak(),
+            accumulated: vec![0; 2].leak(),
             kernel: Box::leak(Box::new(ChipKernel::new())),
             columns: vec![Column::EMPTY; frequencies].leak(),
         };
@@ -122,6 +129,8 @@ impl<E: WireEngine + 'static> Bench<E> {
             maps: Vec::new(),
             chips: Vec::new(),
             detections: Vec::new(),
+            accumulated: None,
+            send_maps: true,
             increments: Vec::new(),
             profile: ProfileAssembly::new(vec![0; 8 * BINS].leak()),
             profiles: Vec::new(),
@@ -202,6 +211,9 @@ impl<E: WireEngine + 'static> Bench<E> {
                     self.detections
                         .push((map, sub_cpi, patch, first, total, list));
                 }
+                Report::Accumulated { first, bits } => {
+                    self.accumulated = Some((first, bits.to_vec()));
+                }
                 Report::Increment(increment) => self.increments.push(increment),
                 _ => {}
             }
@@ -215,8 +227,14 @@ impl<E: WireEngine + 'static> Bench<E> {
     /// Send everything that a run of `scene` needs except the products.
     pub(crate) fn configure(&mut self, scene: &Scene) {
         let setup = scene.setup;
-        let configuration = Configuration { id: 5, setup };
+        let configuration = Configuration {
+            id: 5,
+            setup,
+            total_pulses: scene.pulses.len() as u32,
+            send_maps: self.send_maps,
+        };
         assert_eq!(self.send(&Command::Configure(configuration)), None);
+        self.chip.restart();
         let mut first = 0;
         for weights in scene.weights.chunks(20) {
             let mut bytes = [0; 80];
@@ -260,6 +278,19 @@ impl<E: WireEngine + 'static> Bench<E> {
         })
     }
 
+    /// Deliver a pulse without letting the endpoint work.
+    pub(crate) fn deliver_pulse(&mut self, pulse: &Pulse, samples: &[Complex32]) {
+        let (mut bytes, mut wire) = (vec![0; 8 * F], vec![0; max_frame_bytes(2 * F)]);
+        let command = Command::Pulse {
+            pulse: *pulse,
+            encoding: Encoding::Complex32,
+            samples: write_complex32s(samples, &mut bytes).unwrap(),
+        };
+        self.endpoint
+            .receive(self.encoder.encode(&command, &mut wire).unwrap());
+        self.sequence += 1;
+    }
+
     /// Do a whole run. Discards the results of earlier ones.
     pub(crate) fn run(&mut self, run: u32, scene: &Scene) {
         self.restart();
@@ -272,18 +303,43 @@ impl<E: WireEngine + 'static> Bench<E> {
         assert_eq!(self.state(), State::Done);
         let status = self.status.unwrap();
         assert_eq!(status.run, run);
-        assert_eq!(status.maps as usize, self.maps.len());
+        if self.send_maps {
+            assert_eq!(status.maps as usize, self.maps.len());
+        }
         assert_eq!(status.pulses.accepted as usize, scene.pulses.len());
         assert_eq!(status.pulses.saturated, 0);
         let sub_cpis = scene.pulses.len().div_ceil(scene.setup.num_pulses.into());
-        assert_eq!(self.maps.len(), sub_cpis * scene.patches.len());
+        assert_eq!(status.maps as usize, sub_cpis * scene.patches.len());
+    }
+
+    /// Configure both chips.
+    pub(crate) fn set_chips(&mut self) {
+        for chip in [CHIP, SMALL_CHIP] {
+            assert_eq!(self.send(&Command::Chip(chip)), None);
+        }
+    }
+
+    /// Request both chips, and return what came.
+    pub(crate) fn collect(&mut self) -> Vec<Chip> {
+        self.chips.clear();
+        for patch in 0..2 {
+            assert_eq!(self.send(&Command::SendChip { patch }), None);
+        }
+        assert_eq!(self.chips.len(), 2);
+        self.chips.clone()
+    }
+
+    /// Request the list of accumulated sub-CPIs from the first on.
+    pub(crate) fn list(&mut self) -> Vec<u8> {
+        assert_eq!(self.send(&Command::Accumulated { first: 0 }), None);
+        let (first, bits) = self.accumulated.take().expect("an answer");
+        assert_eq!(first, 0);
+        bits
     }
 
     pub(crate) fn restart(&mut self) {
         self.map.restart();
-        self.chip.restart();
         self.maps.clear();
-        self.chips.clear();
         self.detections.clear();
     }
 }
@@ -301,6 +357,15 @@ pub(crate) fn scene() -> Scene {
     }
     scene
 }
+
+/// 4 x 2 pixels around the centre of the second patch.
+pub(crate) const SMALL_CHIP: ChipGrid = ChipGrid {
+    patch: 1,
+    origin_m: [-4.5, 5.75, 0.0],
+    num_columns: 4,
+    num_rows: 2,
+    ..CHIP
+};
 
 /// 12 x 10 pixels around the centre of the first patch. Coordinates are exact in binary in any order of summation.
 pub(crate) const CHIP: ChipGrid = ChipGrid {

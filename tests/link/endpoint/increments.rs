@@ -253,6 +253,8 @@ fn invalid_motion_commands_are_refused() {
     let configure_maps = Command::Configure(Configuration {
         id: 3,
         setup: maps.setup,
+        total_pulses: 0,
+        send_maps: true,
     });
     assert_eq!(bench.send(&configure_maps), Some(Refusal::Running));
     // A pulse for maps is refused once; invalid channels are counted.

@@ -160,6 +160,8 @@ fn invalid_profile_commands_are_refused() {
     let configure = Command::Configure(Configuration {
         id: 3,
         setup: maps.setup,
+        total_pulses: 0,
+        send_maps: true,
     });
     assert_eq!(bench.send(&configure), None);
     assert_eq!(bench.send(&sweep), no);

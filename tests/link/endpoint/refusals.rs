@@ -38,7 +38,14 @@ fn invalid_commands_are_refused_without_effect() {
         assert_eq!(bench.send(&command), None);
         assert_eq!(bench.state(), State::Idle);
     }
-    let configure = |setup| Command::Configure(Configuration { id: 9, setup });
+    let configure = |setup| {
+        Command::Configure(Configuration {
+            id: 9,
+            setup,
+            total_pulses: 28,
+            send_maps: true,
+        })
+    };
     let large = Setup {
         num_pulses: M as u16 + 1,
         doppler_length: 18,
@@ -110,7 +117,14 @@ fn invalid_commands_are_refused_without_effect() {
     );
     // Rows of a chip use the row buffer, 32 samples long.
     assert_eq!(bench.send(&chip(33, 3)), room(33, 32));
-    assert_eq!(bench.send(&chip(32, 4)), None);
+    assert_eq!(bench.send(&chip(32, 3)), None);
+    // The same chip may be repeated, another one not, and patches come in order.
+    assert_eq!(bench.send(&chip(32, 3)), None);
+    assert_eq!(bench.send(&chip(32, 2)), Some(Refusal::PatchIndex));
+    let of_patch = |patch| Command::Chip(ChipGrid { patch, ..CHIP });
+    assert_eq!(bench.send(&of_patch(2)), Some(Refusal::PatchIndex));
+    // 96 pixels are taken.
+    assert_eq!(bench.send(&of_patch(1)), room(96 + 120, 128));
     for probability in [0.0, 1.0, -0.5, f64::NAN] {
         assert_eq!(
             bench.send(&Command::Detect(cfar(probability))),
@@ -235,18 +249,38 @@ fn wrong_length_is_reported_after_nonfinite_sample() {
 }
 
 #[test]
-fn chip_of_missing_patch_is_refused_at_start() {
+fn chips_of_some_patches_only_are_refused_at_start() {
     let scene = scene();
     let mut bench = float();
     bench.configure(&scene);
-    let patch = scene.patches.len() as u16;
-    assert_eq!(bench.send(&Command::Chip(ChipGrid { patch, ..CHIP })), None);
+    assert_eq!(bench.send(&Command::Chip(CHIP)), None);
     let start = Command::Start { run: 1, first: 0 };
     assert_eq!(bench.send(&start), Some(Refusal::PatchIndex));
     assert_eq!(bench.state(), State::Ready);
-    bench.send(&Command::Chip(CHIP));
+    bench.set_chips();
     bench.run(1, &scene);
-    assert_eq!(bench.chips.len(), 1);
+    assert_eq!(bench.collect().len(), 2);
+    // There is no third chip.
+    let third = Command::SendChip { patch: 2 };
+    assert_eq!(bench.send(&third), Some(Refusal::PatchIndex));
+}
+
+#[test]
+fn chip_needs_a_known_number_of_sub_cpis() {
+    let scene = scene();
+    let mut bench = float();
+    // The list of accumulated sub-CPIs has 16 bits.
+    for (total_pulses, wanted) in [(0, 0), (17 * 8, 17)] {
+        let configuration = Command::Configure(Configuration {
+            id: 9,
+            setup: scene.setup,
+            total_pulses,
+            send_maps: true,
+        });
+        assert_eq!(bench.send(&configuration), None);
+        let refused = Some(Refusal::SubCpis { wanted, most: 16 });
+        assert_eq!(bench.send(&Command::Chip(CHIP)), refused);
+    }
 }
 
 /// Repeated commands are harmless, and an aborted run leaves no data.
@@ -255,9 +289,8 @@ fn repeated_commands_have_no_effect() {
     let scene = scene();
     let mut bench = float();
     bench.configure(&scene);
-    bench.send(&Command::Chip(CHIP));
     bench.run(1, &scene);
-    let (count, chip) = (bench.maps.len(), bench.chips.clone());
+    let count = bench.maps.len();
     // Stop again, and start the finished run again.
     for command in [
         Command::Stop,
@@ -267,7 +300,7 @@ fn repeated_commands_have_no_effect() {
         assert_eq!(bench.send(&command), None);
         assert_eq!(bench.state(), State::Done);
     }
-    assert_eq!((bench.maps.len(), bench.chips.len()), (count, 1));
+    assert_eq!(bench.maps.len(), count);
 
     bench.restart();
     let start = Command::Start { run: 2, first: 0 };
@@ -284,9 +317,8 @@ fn repeated_commands_have_no_effect() {
         assert_eq!(bench.state(), State::Done);
     }
     assert_eq!(bench.maps.len(), scene.patches.len());
-    assert!(bench.chips.is_empty(), "the aborted run's chip is dropped");
     bench.run(3, &scene);
-    assert_eq!(bench.chips, chip, "the chip contains only its own run");
+    assert_eq!(bench.maps.len(), count);
 }
 
 /// Frame written from the description: CRC by another library, byte stuffing by definition.
@@ -310,10 +342,10 @@ fn frames_of_another_version_are_counted_and_ignored() {
     bench.settle();
     assert_eq!(bench.identities, 1, "the first word of a module");
     // A greeting, by its bytes.
-    bench.endpoint.receive(&framed(2, 0, 0));
+    bench.endpoint.receive(&framed(3, 0, 0));
     bench.settle();
     assert_eq!(bench.identities, 1);
-    bench.endpoint.receive(&framed(1, 0, 0));
+    bench.endpoint.receive(&framed(2, 0, 0));
     bench.settle();
     assert_eq!(bench.identities, 2);
     bench.send(&Command::Status);

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
-    Arithmetic, ChipGrid, Command, Configuration, Encoding, Increment, LinkCounters, Motion,
-    MotionConfiguration, ProfileHeader, Refusal, Report, State, Status, SweepConfiguration,
+    Arithmetic, ChipGrid, Command, Configuration, Encoding, ImageCapacity, Increment, LinkCounters,
+    Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status, SweepConfiguration,
 };
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
@@ -110,6 +110,8 @@ impl Values {
                     start_hz: self.real,
                     step_hz: self.place_m[1],
                 },
+                total_pulses: self.other,
+                send_maps: self.byte % 2 == 1,
             }),
             Command::Weights {
                 first,
@@ -184,6 +186,8 @@ impl Values {
                 samples: &self.bytes,
             },
             Command::Sweep { sweep: self.long },
+            Command::Accumulated { first: self.other },
+            Command::SendChip { patch: self.short },
         ]
     }
 
@@ -215,6 +219,7 @@ impl Values {
                 got: self.other,
             },
             Refusal::Chip { wanted, most },
+            Refusal::SubCpis { wanted, most },
             Refusal::Detect,
             Refusal::Unsupported,
             Refusal::Antennas,
@@ -285,6 +290,10 @@ impl Values {
                     doppler_bins: self.short / 3,
                     patches: 1,
                 },
+                image: ImageCapacity {
+                    pixels: self.long,
+                    sub_cpis: self.other,
+                },
                 version: &self.text,
             },
             Report::MapStart {
@@ -311,6 +320,11 @@ impl Values {
                 grid: self.grid(),
                 maps: self.other,
                 weight_sum: self.single,
+                left_out: self.long,
+            },
+            Report::Accumulated {
+                first: self.other,
+                bits: &self.bytes,
             },
             Report::ChipRow {
                 chip,

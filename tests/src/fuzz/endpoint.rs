@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use num_complex::Complex32;
+use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{
     Command, Configuration, Encoder, Encoding, MapAssembly, Receiver, Report, State, Status,
@@ -12,7 +13,7 @@ use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FloatBuffers, FloatEngine};
 use subaperture_core::sweep::Profiler;
 use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
-use subaperture_firmware::products::{ChipKernel, ProductBuffers};
+use subaperture_firmware::products::{Chip, ProductBuffers};
 
 use super::{choice, wire};
 use crate::link_scene::{self, Kept, bits};
@@ -32,7 +33,9 @@ pub(super) struct Bench {
     received: Vec<u8>,
     frame: Vec<u8>,
     row: Vec<u8>,
-    chip: Vec<Complex32>,
+    pixels: Vec<Complex32>,
+    chips: Vec<Chip>,
+    accumulated: Vec<u8>,
     columns: Vec<Column>,
     kernel: ChipKernel,
     odometer: Box<Odometer<4, 2, 32, 64>>,
@@ -46,7 +49,9 @@ impl Bench {
             received: vec![0; max_received_bytes(ROW)],
             frame: vec![0; max_frame_bytes(ROW)],
             row: vec![0; 8 * ROW],
-            chip: vec![Complex32::ZERO; 256],
+            pixels: vec![Complex32::ZERO; 256],
+            chips: vec![Chip::EMPTY; 4],
+            accumulated: vec![0; 16],
             columns: vec![Column::EMPTY; ROW],
             kernel: ChipKernel::new(),
             odometer: Box::default(),
@@ -61,7 +66,9 @@ impl Bench {
             row: &mut self.row,
         };
         let products = ProductBuffers {
-            chip: &mut self.chip,
+            pixels: &mut self.pixels,
+            chips: &mut self.chips,
+            accumulated: &mut self.accumulated,
             kernel: &self.kernel,
             columns: &mut self.columns,
         };
@@ -155,6 +162,7 @@ impl Ear {
                 Report::ChipStart { .. } | Report::ChipRow { .. } | Report::ChipEnd { .. } => {
                     "chip"
                 }
+                Report::Accumulated { .. } => "accumulated",
                 Report::Detections { .. } => "detections",
                 Report::Refused { .. } => "refused",
                 Report::Log { .. } => "log",
@@ -221,6 +229,8 @@ fn serves(endpoint: &mut Endpoint<'_, FloatEngine<'_>>, ear: &mut Ear) {
         &Command::Configure(Configuration {
             id,
             setup: scene.setup,
+            total_pulses: scene.pulses.len() as u32,
+            send_maps: true,
         }),
     );
     let mut bytes = [0; 512];

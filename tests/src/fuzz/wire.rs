@@ -46,6 +46,8 @@ pub(super) fn commands() -> Vec<u8> {
     say(&Command::Configure(Configuration {
         id: 5,
         setup: scene.setup,
+        total_pulses: scene.pulses.len() as u32,
+        send_maps: true,
     }));
     let mut bytes = [0; 8 * SAMPLES];
     let weights = write_f32s(&scene.weights, &mut bytes).expect("few weights");
@@ -58,14 +60,16 @@ pub(super) fn commands() -> Vec<u8> {
             patch,
         });
     }
-    say(&Command::Chip(ChipGrid {
-        patch: 0,
-        origin_m: [1.5, -3.125, 0.5],
-        column_step_m: [0.25, 0.0, 0.0],
-        row_step_m: [0.0, 0.25, 0.0],
-        num_columns: 6,
-        num_rows: 5,
-    }));
+    for patch in 0..count {
+        say(&Command::Chip(ChipGrid {
+            patch,
+            origin_m: [1.5, -3.125, 0.5],
+            column_step_m: [0.25, 0.0, 0.0],
+            row_step_m: [0.0, 0.25, 0.0],
+            num_columns: 6,
+            num_rows: 5,
+        }));
+    }
     let reach = |guard, training| TrainingWindow { guard, training };
     say(&Command::Detect(Cfar {
         range: reach(1, 2),

@@ -52,9 +52,6 @@ pub(crate) fn run(
     encoder: &mut Encoder,
     (samples, frame): (&mut [u8], &mut [u8]),
 ) -> Option<()> {
-    // The map run ends once its chip was sent.
-    while endpoint.work() {}
-    drain(endpoint);
     let mut antennas = [[-0.01, 0.0]; CHANNELS + 1];
     for (i, place) in antennas.iter_mut().skip(1).enumerate() {
         *place = [0.0019 * i as f64, 0.0];

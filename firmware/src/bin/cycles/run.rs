@@ -4,6 +4,7 @@
 //! one fills the map buffer and has an image chip; the other has one Doppler bin, so its columns are compensation only. Both
 //! are searched for detections.
 
+use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, State, max_frame_bytes,
@@ -18,10 +19,7 @@ use subaperture_firmware::memory::{self, Placed};
 use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::{self, Engine};
 use subaperture_firmware::place;
-use subaperture_firmware::products::ChipKernel;
-use subaperture_firmware::sizes::{
-    CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULSES, RANGE_BINS,
-};
+use subaperture_firmware::sizes::{DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULSES, RANGE_BINS};
 
 const SETUP: Setup = Setup {
     num_pulses: PULSES as u16,
@@ -43,6 +41,9 @@ const ONE_BIN: Patch = Patch {
     doppler_reach: 0,
     ..FULL
 };
+
+/// Rows of 32 pixels of the chip of the first patch.
+const CHIP_ROWS: u16 = 31;
 
 const ENCODING: Encoding = match Engine::ARITHMETIC {
     Arithmetic::Float => Encoding::Complex32,
@@ -94,6 +95,8 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     let setup = Command::Configure(Configuration {
         id: 1,
         setup: SETUP,
+        total_pulses: PULSES as u32,
+        send_maps: true,
     });
     let weight = (1.0 / FREQUENCIES as f32).to_le_bytes();
     for place in samples.as_chunks_mut().0.iter_mut().take(FREQUENCIES) {
@@ -108,14 +111,17 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         count: 2,
         patch,
     };
-    let chip = Command::Chip(ChipGrid {
-        patch: 0,
-        origin_m: [-4.0, -4.0, 0.0],
-        column_step_m: [0.25, 0.0, 0.0],
-        row_step_m: [0.0, 0.25, 0.0],
-        num_columns: 32,
-        num_rows: (CHIP_PIXELS / 32) as u16,
-    });
+    // The chip of the second patch is one pixel.
+    let chip = |patch, num_columns, num_rows| {
+        Command::Chip(ChipGrid {
+            patch,
+            origin_m: [-4.0, -4.0, 0.0],
+            column_step_m: [0.25, 0.0, 0.0],
+            row_step_m: [0.0, 0.25, 0.0],
+            num_columns,
+            num_rows,
+        })
+    };
     let detect = Command::Detect(Cfar {
         range: TrainingWindow {
             guard: 2,
@@ -134,7 +140,8 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         weights,
         patch(0, FULL),
         patch(1, ONE_BIN),
-        chip,
+        chip(0, 32, CHIP_ROWS),
+        chip(1, 1, 1),
         detect,
         start,
     ];
@@ -168,6 +175,12 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
     drain(&mut endpoint);
     while endpoint.work() {}
+    drain(&mut endpoint);
+    endpoint.receive(
+        encoder
+            .encode(&Command::SendChip { patch: 0 }, frame)
+            .ok()?,
+    );
     let chip_bytes = drain(&mut endpoint);
     let nodes = meter
         .measure(board, || core::hint::black_box(nodes(pulses)))

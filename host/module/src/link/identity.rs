@@ -1,6 +1,6 @@
 //! Identity of a module and its log texts.
 
-use subaperture_core::link::Arithmetic;
+use subaperture_core::link::{Arithmetic, ImageCapacity};
 use subaperture_core::stream::Capacity;
 
 /// Identity of a module.
@@ -10,6 +10,8 @@ pub struct Identity {
     pub arithmetic: Arithmetic,
     /// Maximum sizes of its buffers.
     pub capacity: Capacity,
+    /// Maximum sizes of an image that it accumulates.
+    pub image: ImageCapacity,
     /// Name and version of its program, without control characters.
     pub version: String,
 }

@@ -86,6 +86,11 @@ impl Wanted<'_> {
         number.div_ceil(self.num_pulses)
     }
 
+    /// Whether there is a map of this sub-CPI and patch.
+    pub(super) fn has(&self, (sub_cpi, patch): (u32, u16)) -> bool {
+        sub_cpi < self.num_sub_cpis() && usize::from(patch) < self.patches.len()
+    }
+
     /// Whether a map with this header is expected.
     pub(super) fn asks_for(&self, header: &MapHeader) -> bool {
         if header.sub_cpi >= self.num_sub_cpis() {

@@ -7,7 +7,11 @@
 //! ```text
 //! Place -> Transport -> Session <- Job (Setup, patches, PulseSource <- PhaseHistory)
 //!                          └-> MapSink (a file of maps; Verified compares with the core run here)
+//!                              DetectionSink, AccumulatedImage
 //! ```
+//!
+//! [`Session::transfer`] receives maps, [`Session::detect`] detections on the maps, and [`Session::accumulate`] an image that the
+//! module sums over all sub-CPIs, which is sent once.
 //!
 //! For motion increments, [`Session::increments`] sends an [`MotionRun`] instead. For range profiles of a stepped-frequency
 //! radar, [`Session::profiles`] sends a [`ProfileRun`].
@@ -34,6 +38,7 @@ mod keep;
 mod line;
 mod open;
 mod place;
+mod products;
 mod profiles;
 mod rehearsal;
 mod running_image;
@@ -54,6 +59,7 @@ pub use intake::MapSink;
 pub use job::{Job, PulseSource};
 pub use open::open;
 pub use place::{Firmware, ModuleAddress, ModuleAddressError};
+pub use products::{AccumulatedImage, DetectionSink};
 pub use profiles::{Profile, ProfileRun, Profiles, SweepBurst, SweepSource};
 pub use rehearsal::rehearse;
 pub use running_image::{MAX_WAITING, RunningImage};

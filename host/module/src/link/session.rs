@@ -1,7 +1,7 @@
 //! Session with a module: input and output of a [`Conversation`].
 //!
-//! [`Session::open`] greets a module and obtains its identity; [`Session::transfer`] runs a [`Job`] on it. Both are controlled
-//! by the state machine of [`super::conversation`], which returns the next action at every step: exchange bytes, send a pulse,
+//! [`Session::open`] greets a module and obtains its identity; [`Session::transfer`], [`Session::detect`] and
+//! [`Session::accumulate`] run a [`Job`] on it. All are controlled by the state machine of [`super::conversation`], which returns the next action at every step: exchange bytes, send a pulse,
 //! or reconnect. Received data is processed in one place, between any two steps.
 //!
 //! **Errors**: [`LinkError`] if no module answers or it refuses. Once it has answered, [`Outcome::ending`] states how the
@@ -9,7 +9,10 @@
 
 use std::time::{Duration, Instant};
 
-use subaperture_core::link::{Command, LinkCounters, Receiver, Report, max_received_bytes};
+use subaperture_core::cfar::Cfar;
+use subaperture_core::link::{
+    ChipGrid, Command, LinkCounters, Receiver, Report, max_received_bytes,
+};
 
 use super::conversation::{Conversation, Event, JobSettings, Ledger, Step, TICK};
 use super::counts::{Counts, growth};
@@ -18,6 +21,7 @@ use super::identity::{Identity, printable};
 use super::intake::{DiscardMaps, Intake, MapSink};
 use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MAX_SAMPLES};
+use super::products::{AccumulatedImage, DetectionSink, Products};
 use super::settings::Settings;
 use super::transport::Transport;
 
@@ -94,7 +98,7 @@ impl<'b> Session<'b> {
         };
         let mut ledger = Ledger::new(settings);
         let mut nowhere = DiscardMaps;
-        let intake = Intake::new(Wanted::empty(), &mut [], &mut nowhere);
+        let intake = Intake::new(Wanted::empty(), &mut [], Products::Maps(&mut nowhere));
         let mut conversation = Conversation::new(&mut ledger, JobSettings::empty(), intake, None);
         connection.lead(&mut conversation, None, watch)?;
         let identity = conversation.identity().cloned().ok_or(LinkError::Silent)?;
@@ -115,26 +119,75 @@ impl<'b> Session<'b> {
         self.connection.counts(&self.ledger)
     }
 
-    /// Run `job` on the module. Maps are passed to `sink` as they arrive and are valid however the transfer ends.
+    /// Form the maps of `job` on the module. Maps are passed to `sink` as they arrive and are valid however the transfer ends.
     pub fn transfer(
         &mut self,
         job: &mut Job<'_>,
         sink: &mut dyn MapSink,
         watch: &mut dyn SessionObserver,
     ) -> Outcome {
+        self.conduct(job, Products::Maps(sink), watch)
+    }
+
+    /// Detect targets on the maps of `job`, which are not sent. Detections are passed to `sink` as they arrive and are valid
+    /// however the transfer ends.
+    pub fn detect(
+        &mut self,
+        job: &mut Job<'_>,
+        cfar: &Cfar,
+        sink: &mut dyn DetectionSink,
+        watch: &mut dyn SessionObserver,
+    ) -> Outcome {
+        self.conduct(job, Products::Detections(*cfar, sink), watch)
+    }
+
+    /// Accumulate the maps of `job`, which are not sent, into an image of one chip per patch, in the order of the patches. The
+    /// image contains the sub-CPIs that it lists, however the transfer ends.
+    pub fn accumulate(
+        &mut self,
+        job: &mut Job<'_>,
+        chips: &[ChipGrid],
+        watch: &mut dyn SessionObserver,
+    ) -> (Outcome, AccumulatedImage) {
+        let mut image = AccumulatedImage::default();
+        let mut outcome = self.conduct(job, Products::Image(chips, &mut image), watch);
+        let received = image.chips.iter().all(Option::is_some);
+        if matches!(outcome.ending, TransferEnd::Complete) && !received {
+            outcome.ending = TransferEnd::Incomplete;
+        }
+        (outcome, image)
+    }
+
+    /// Run `job` on the module for these products.
+    fn conduct(
+        &mut self,
+        job: &mut Job<'_>,
+        mut products: Products<'_>,
+        watch: &mut dyn SessionObserver,
+    ) -> Outcome {
         let wanted = job.wanted();
         self.ledger.counts.pulses = job.pulses.len().into();
         self.ledger.counts.maps_wanted = wanted.num_maps();
-        let mut buffer = vec![0; Intake::room_bytes(&wanted)];
+        let mut buffer = vec![0; Intake::room_bytes(&wanted, &products)];
         let job_settings = JobSettings {
             setup: job.setup,
             fast_weights: &job.fast_weights,
             patches: &job.patches,
+            total_pulses: job.pulses.len(),
+            send_maps: matches!(products, Products::Maps(_)),
+            cfar: match &products {
+                Products::Detections(cfar, _) => Some(*cfar),
+                Products::Maps(_) | Products::Image(..) => None,
+            },
+            chips: match &products {
+                Products::Image(chips, _) => chips,
+                Products::Maps(_) | Products::Detections(..) => &[],
+            },
         };
         let mut conversation = Conversation::new(
             &mut self.ledger,
             job_settings,
-            Intake::new(wanted, &mut buffer, sink),
+            Intake::new(wanted, &mut buffer, products.by_ref()),
             Some(self.identity.clone()),
         );
         let led = self

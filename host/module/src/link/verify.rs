@@ -12,14 +12,14 @@ use subaperture_core::link::{
 };
 use subaperture_core::stream::{
     BlockFloat, Capacity, Engine, FixedEngine, FloatEngine, MapHeader, MapSamples, Patch, PatchMap,
-    Progress, PulsePhase, Sample, SetupError, Store, SubCpiProcessor,
+    Progress, PulsePhase, Sample, Setup, SetupError, Store, SubCpiProcessor,
 };
 use subaperture_core::{Pulse, Sc16};
 
 use super::ending::SinkError;
 use super::intake::MapSink;
 use super::job::Job;
-use crate::maps::Arithmetic;
+use crate::maps::{Arithmetic, OwnedMap};
 use crate::plan::least_capacity;
 use subaperture_model::phase_history::ReadError;
 
@@ -70,6 +70,28 @@ impl<'a> HostCore<'a> {
             self.sub_cpi = Some(sub_cpi);
         }
         Ok(&self.maps)
+    }
+
+    /// Settings of the stream processor.
+    pub fn setup(&self) -> &Setup {
+        &self.job.setup
+    }
+
+    /// Maps of a sub-CPI, one per patch.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the recording cannot be read.
+    pub fn owned_maps(&mut self, sub_cpi: u32) -> Result<Vec<OwnedMap>, ReadError> {
+        let encoding = self.job.pulses.encoding();
+        let maps = self.maps(sub_cpi)?.iter().map(|(header, bytes)| {
+            OwnedMap::from(&AssembledMap {
+                map: 0,
+                header: *header,
+                encoding,
+                bytes,
+            })
+        });
+        Ok(maps.collect())
     }
 
     fn compute(&mut self, sub_cpi: u32) -> Result<(), ReadError> {

@@ -9,7 +9,9 @@
 //! - maps have `R` range bins, the power of two from `2F` (4096 at most), and `D` Doppler bins, twice the Nyquist number at
 //!   the highest frequency, so that kernels have room;
 //! - of all choices within the error bound and the memory, the one with the fewest bytes of maps is taken, since the link is
-//!   the bottleneck; among equal ones, the one with the least memory.
+//!   the bottleneck; among equal ones, the one with the least memory. Where the module accumulates the image and sends no maps,
+//!   the one with the fewest instructions is taken;
+//! - an image that the module accumulates is read with its own kernel ([`subaperture_core::accumulate::ChipKernel`]).
 //!
 //! The range gate of every patch contains its pixels in all sub-CPIs plus the kernel's `taps / 2 + 1` bins around them.
 //!
@@ -25,6 +27,16 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
+/// What a module forms and sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ModuleProduct {
+    /// Maps of all patches and sub-CPIs, from which the host forms the image or the module detects targets.
+    Maps,
+    /// An image that the module accumulates from its maps.
+    Image,
+}
+
 /// Requirements for a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Requirements {
@@ -34,6 +46,8 @@ pub struct Requirements {
     pub room: ModuleCapacity,
     /// Arithmetic of the module.
     pub arithmetic: Arithmetic,
+    /// What the module sends.
+    pub product: ModuleProduct,
 }
 
 /// Reason why no plan exists.
@@ -125,6 +139,7 @@ impl ModulePlan {
             band: &band,
             arithmetic: requirements.arithmetic,
             error_db: requirements.error_db,
+            product: requirements.product,
         };
         let mut candidates = search.candidates(target);
         candidates.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
@@ -150,7 +165,7 @@ impl ModulePlan {
         let least_bytes = candidates
             .iter()
             .find_map(&mut sound)
-            .map(|plan| plan.ram.total_bytes);
+            .map(|plan| plan.total_bytes());
         let error_db = requirements.error_db;
         Err(match least_bytes {
             Some(least_bytes) => PlanError::Room {

@@ -2,7 +2,7 @@
 
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
-use super::{LinkBudget, RamBudget};
+use super::{LinkBudget, ModuleProduct, RamBudget};
 use crate::maps::Arithmetic;
 use subaperture_focus::patch::PatchSize;
 
@@ -38,8 +38,16 @@ pub struct ModulePlan {
     /// Indices of the first pulses after gaps in the track. Sub-CPIs extend across gaps, which may have shortened all of
     /// them.
     pub gaps: Vec<usize>,
-    /// Memory of the buffers.
+    /// Memory of the buffers for maps.
     pub ram: RamBudget,
+    /// What the plan is for.
+    pub product: ModuleProduct,
+    /// Additional memory for an accumulated image in bytes; 0 for maps.
+    pub image_bytes: u64,
+    /// Number of pulses of the collection.
+    pub num_pulses: usize,
+    /// Number of pixels of the grid.
+    pub num_pixels: u64,
     pub(super) capacity: Capacity,
 }
 
@@ -49,13 +57,25 @@ impl ModulePlan {
         self.capacity
     }
 
+    /// Memory of all buffers in bytes.
+    pub fn total_bytes(&self) -> u64 {
+        self.ram.total_bytes + self.image_bytes
+    }
+
     /// Whether the plan fits the capacity.
     pub fn fits(&self, room: &ModuleCapacity) -> bool {
         match room {
-            ModuleCapacity::Ram { bytes } => self.ram.total_bytes <= *bytes,
+            ModuleCapacity::Ram { bytes } => self.total_bytes() <= *bytes,
             ModuleCapacity::Built(capacity) => {
                 let patches = self.patches.iter();
-                self.setup.check(capacity).is_ok()
+                let row_fits = match self.product {
+                    ModuleProduct::Maps => true,
+                    ModuleProduct::Image => {
+                        self.patch_pixels.columns <= usize::from(capacity.frequencies)
+                    }
+                };
+                row_fits
+                    && self.setup.check(capacity).is_ok()
                     && self.patches.len() <= usize::from(capacity.patches)
                     && patches
                         .clone()

@@ -17,8 +17,9 @@
 //! | link, sent | the received size, plus one per 254 bytes or part thereof, plus one | the same |
 //! | link, row | `8 F` | the same |
 //!
-//! This is all static memory of a firmware of these sizes except for its options ([`RamBudget::options_bytes`]): `32 F` for
-//! detections and 8192 for an image chip of 1024 pixels. Code and stack are not counted.
+//! This is all static memory of a firmware of these sizes except for its options: `32 F` for detections
+//! ([`RamBudget::detections_bytes`]), and [`image_bytes`] for an image that the module accumulates. Code and stack are not
+//! counted.
 //!
 //! **Accuracy**: exact, verified by `tests/stream/memory.rs` against the types that the firmware declares.
 
@@ -32,8 +33,14 @@ use crate::maps::Arithmetic;
 /// Bytes of a complex number of two float32 or two 32-bit integers.
 const COMPLEX_BYTES: usize = 8;
 
-/// Maximum number of pixels of an image chip in the firmware.
-const CHIP_PIXELS: u64 = 1024;
+/// Bytes of the description of an image chip: grid, first pixel, counter.
+const CHIP_BYTES: u64 = 88;
+
+/// Memory for accumulating an image of `pixels` pixels in `patches` patches over `sub_cpis` sub-CPIs: 8 bytes per pixel, 88 per
+/// patch, and one bit per sub-CPI.
+pub fn image_bytes(pixels: u64, patches: u64, sub_cpis: u64) -> u64 {
+    COMPLEX_BYTES as u64 * pixels + CHIP_BYTES * patches + sub_cpis.div_ceil(8)
+}
 
 /// Buffer of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -51,8 +58,8 @@ pub struct RamBudget {
     pub buffers: Vec<Buffer>,
     /// Sum of the buffer sizes in bytes.
     pub total_bytes: u64,
-    /// Additional bytes for detections and an image chip.
-    pub options_bytes: u64,
+    /// Additional bytes for detections.
+    pub detections_bytes: u64,
 }
 
 impl RamBudget {
@@ -95,11 +102,10 @@ impl RamBudget {
             bytes: bytes as u64,
         })
         .into();
-        let columns = (size_of::<Column>() * frequencies) as u64;
         Self {
             total_bytes: buffers.iter().map(|buffer| buffer.bytes).sum(),
             buffers,
-            options_bytes: columns + COMPLEX_BYTES as u64 * CHIP_PIXELS,
+            detections_bytes: (size_of::<Column>() * frequencies) as u64,
         }
     }
 }
@@ -168,7 +174,8 @@ mod tests {
         let engine = [203_520, 4320, 139_072, 8192, 1200, 1696, 512];
         assert_eq!(bytes(&float), [&engine[..], &link].concat());
         assert_eq!(float.total_bytes, 358_512 + 10_594);
-        assert_eq!(float.options_bytes, 32 * 424 + 8192);
+        assert_eq!(float.detections_bytes, 32 * 424);
+        assert_eq!(image_bytes(1000, 4, 9), 8000 + 352 + 2);
         // 14 blocks and one; 41 * (1696 + 15) + 424 = 70 575, rounded up.
         let fixed = RamBudget::new(&capacity, Arithmetic::Fixed);
         let engine = [101_760, 4320, 70_576, 8192, 1440, 1696, 512];

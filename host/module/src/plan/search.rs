@@ -1,11 +1,13 @@
 //! Candidates for sub-CPI, patches and kernel with their estimated cost and error.
 
+use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
 use super::module_plan::{ModuleCapacity, ModulePlan};
-use super::ram::{RamBudget, least_capacity};
+use super::choosing::ModuleProduct;
+use super::ram::{RamBudget, image_bytes, least_capacity};
 use super::reach::Reach;
-use crate::image::kernels::Kernels;
+use crate::image::kernels::{Kernels, bands};
 use crate::maps::Arithmetic;
 use subaperture_focus::patch::{PatchSize, Rectangle, rectangles};
 use subaperture_focus::path_model::{Measure, Probe, lengths, patch_sizes};
@@ -32,18 +34,32 @@ pub(super) struct Candidate {
     length: usize,
     patch: PatchSize,
     taps: usize,
-    /// Samples of all maps of the collection.
-    map_samples: f64,
+    /// Samples of all maps of the collection if maps are sent, otherwise instructions to form them.
+    cost: f64,
     /// Bytes of all buffers.
     pub(super) ram_bytes: u64,
 }
 
 impl Candidate {
-    /// Cost: bytes of maps first; memory decides between equal ones.
+    /// Cost: samples of maps or instructions first; memory decides between equal ones.
     pub(super) fn cost(&self) -> f64 {
-        self.map_samples + 1e-7 * self.ram_bytes as f64
+        self.cost + 1e-7 * self.ram_bytes as f64
     }
 }
+
+/// Taps of the module's own kernel.
+const CHIP_TAPS: usize = ChipKernel::TAPS;
+
+/// Relative RMS error of the module's own kernel in both axes together, -76.8 dB: `subaperture_core::accumulate::ChipKernel`.
+const CHIP_KERNEL_ERROR: f64 = 1.45e-4;
+
+/// Widest band of a map, in cycles per bin, that the module's own kernel is made for.
+const CHIP_BAND: f64 = 0.25;
+
+/// Instructions of a Keystone unit (pulse, frequency, Doppler bin), and of a butterfly of the range transform, roughly those of
+/// a Cortex-M7 in float32.
+const UNIT_COST: f64 = 20.0;
+const BUTTERFLY_COST: f64 = 10.0;
 
 /// Inputs of the search.
 pub(super) struct Search<'a> {
@@ -52,9 +68,34 @@ pub(super) struct Search<'a> {
     pub(super) band: &'a Band,
     pub(super) arithmetic: Arithmetic,
     pub(super) error_db: f64,
+    pub(super) product: ModuleProduct,
 }
 
 impl Search<'_> {
+    /// Taps and error of the kernels that read maps of this setup.
+    fn kernels(&self, setup: &Setup) -> Option<(usize, f64)> {
+        match self.product {
+            ModuleProduct::Maps => {
+                let kernels = Kernels::for_bound(setup, self.error_db);
+                Some((kernels.range.taps(), kernels.error))
+            }
+            ModuleProduct::Image => bands(setup)
+                .iter()
+                .all(|&band| band <= CHIP_BAND)
+                .then_some((CHIP_TAPS, CHIP_KERNEL_ERROR)),
+        }
+    }
+
+    /// Bytes of an accumulated image in addition to the buffers for maps.
+    fn image_bytes(&self, patches: usize, sub_cpis: usize) -> u64 {
+        match self.product {
+            ModuleProduct::Maps => 0,
+            ModuleProduct::Image => {
+                image_bytes(self.grid.num_pixels(), patches as u64, sub_cpis as u64)
+            }
+        }
+    }
+
     fn range_length(&self) -> usize {
         (2 * self.band.count).next_power_of_two().min(LONGEST_RANGE)
     }
@@ -85,7 +126,12 @@ impl Search<'_> {
         });
         // The share of the error that image formation will assign to the kernels.
         let share = Kernels::share(self.error_db);
-        let kernel = kernels.into_iter().find(|&(_, error)| error <= share);
+        let kernel = match self.product {
+            ModuleProduct::Maps => kernels.into_iter().find(|&(_, error)| error <= share),
+            ModuleProduct::Image => {
+                (CHIP_KERNEL_ERROR <= share).then_some((CHIP_TAPS, CHIP_KERNEL_ERROR))
+            }
+        };
         let Some((taps, kernel_error)) = kernel else {
             return Vec::new();
         };
@@ -154,16 +200,40 @@ impl Search<'_> {
             return None;
         }
         let count = patches * self.collection.pulses.len().div_ceil(length);
-        let capacity = Capacity {
-            patches: patches as u16,
-            ..least_capacity(&setup, &[gate], self.arithmetic)
+        let capacity = self.with_rows(
+            Capacity {
+                patches: patches as u16,
+                ..least_capacity(&setup, &[gate], self.arithmetic)
+            },
+            patch,
+        )?;
+        let cost = match self.product {
+            ModuleProduct::Maps => gate.map_len() as f64,
+            ModuleProduct::Image => {
+                let rows = gate.num_doppler_bins() as f64;
+                let bins = f64::from(setup.range_length);
+                let units = (length * self.band.count) as f64;
+                rows * (UNIT_COST * units + BUTTERFLY_COST * bins / 2.0 * bins.log2())
+            }
         };
+        let buffers = RamBudget::new(&capacity, self.arithmetic).total_bytes;
         Some(Candidate {
             length,
             patch,
             taps,
-            map_samples: count as f64 * gate.map_len() as f64,
-            ram_bytes: RamBudget::new(&capacity, self.arithmetic).total_bytes,
+            cost: count as f64 * cost,
+            ram_bytes: buffers + self.image_bytes(patches, count / patches.max(1)),
+        })
+    }
+
+    /// Capacity whose link buffers also hold a row of an image chip. `None` if it is too long.
+    fn with_rows(&self, capacity: Capacity, patch: PatchSize) -> Option<Capacity> {
+        Some(match self.product {
+            ModuleProduct::Maps => capacity,
+            ModuleProduct::Image => Capacity {
+                frequencies: capacity.frequencies.max(u16::try_from(patch.columns).ok()?),
+                ..capacity
+            },
         })
     }
 
@@ -210,8 +280,7 @@ impl Search<'_> {
         let widest = reaches.iter().fold(Reach::default(), |a, &b| a.max(b));
         let setup = self.setup(length, taps, widest)?;
         // Kernels as image formation will choose them: the bands of the maps may need fewer taps.
-        let kernels = Kernels::for_bound(&setup, self.error_db);
-        let taps = kernels.range.taps();
+        let (taps, kernel_error) = self.kernels(&setup)?;
         let patches: Vec<Patch> = places
             .iter()
             .zip(reaches)
@@ -220,7 +289,8 @@ impl Search<'_> {
                 reach.patch(&setup, centre_m, taps)
             })
             .collect::<Option<_>>()?;
-        let capacity = least_capacity(&setup, &patches, self.arithmetic);
+        let capacity =
+            self.with_rows(least_capacity(&setup, &patches, self.arithmetic), patch)?;
         if usize::from(capacity.doppler_bins) > MAX_ROWS {
             return None;
         }
@@ -231,6 +301,10 @@ impl Search<'_> {
             .fold(0.0, f64::max);
         let plan = ModulePlan {
             ram: RamBudget::new(&capacity, self.arithmetic),
+            image_bytes: self.image_bytes(patches.len(), sub_cpis.len()),
+            product: self.product,
+            num_pulses: self.collection.pulses.len(),
+            num_pixels: self.grid.num_pixels(),
             capacity,
             setup,
             patches,
@@ -241,7 +315,7 @@ impl Search<'_> {
             gaps: sub_cpi::breaks(self.collection),
             predicted_db: 20.0
                 * model_error
-                    .hypot(kernels.error)
+                    .hypot(kernel_error)
                     .hypot(sweep::residual(self.collection, self.grid))
                     .log10(),
         };

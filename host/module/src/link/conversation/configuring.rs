@@ -1,13 +1,15 @@
 //! Configuration of a module before a run, one setting after another.
 //!
 //! ```text
-//! Abort ──> Configure ──> Weights(0..) ──> Patch(0..) ──> Ready
+//! Abort ──> Configure ──> Weights(0..) ──> Patch(0..) ──> Chip(0..) | Detect ──> Ready
 //! ```
 //!
 //! Each setting is a request: its command is repeated until the module's status confirms it.
 
-use subaperture_core::link::write_f32s;
-use subaperture_core::link::{Command, Configuration, Refusal, State as ModuleState, Status};
+use subaperture_core::cfar::Cfar;
+use subaperture_core::link::{
+    ChipGrid, Command, Configuration, Refusal, State as ModuleState, Status, write_f32s,
+};
 use subaperture_core::stream::{Patch, Setup};
 
 use crate::link::ending::LinkError;
@@ -26,6 +28,12 @@ pub(in crate::link) struct JobSettings<'j> {
     pub(in crate::link) setup: Setup,
     pub(in crate::link) fast_weights: &'j [f32],
     pub(in crate::link) patches: &'j [Patch],
+    /// Number of pulses of all runs.
+    pub(in crate::link) total_pulses: u32,
+    pub(in crate::link) send_maps: bool,
+    pub(in crate::link) cfar: Option<Cfar>,
+    /// One chip per patch, or none.
+    pub(in crate::link) chips: &'j [ChipGrid],
 }
 
 impl JobSettings<'_> {
@@ -43,6 +51,10 @@ impl JobSettings<'_> {
             setup,
             fast_weights: &[],
             patches: &[],
+            total_pulses: 0,
+            send_maps: true,
+            cfar: None,
+            chips: &[],
         }
     }
 }
@@ -58,6 +70,10 @@ pub(super) enum Setting {
     Weights(usize),
     /// Send this patch.
     Patch(usize),
+    /// Send this chip.
+    Chip(usize),
+    /// Send the settings of the detector.
+    Detect,
     /// Confirm that everything was received.
     Ready,
 }
@@ -67,13 +83,19 @@ impl Setting {
     pub(super) fn next(self, job_settings: &JobSettings<'_>) -> Option<Self> {
         let weights = |n: usize| n * WEIGHTS_A_FRAME < job_settings.fast_weights.len();
         let patch = |n: usize| n < job_settings.patches.len();
+        let chip = |n: usize| n < job_settings.chips.len();
         match self {
             Self::Abort => Some(Self::Configure),
             Self::Configure if weights(0) => Some(Self::Weights(0)),
             Self::Weights(n) if weights(n + 1) => Some(Self::Weights(n + 1)),
             Self::Configure | Self::Weights(_) if patch(0) => Some(Self::Patch(0)),
             Self::Patch(n) if patch(n + 1) => Some(Self::Patch(n + 1)),
-            Self::Configure | Self::Weights(_) | Self::Patch(_) => Some(Self::Ready),
+            Self::Patch(_) if chip(0) => Some(Self::Chip(0)),
+            Self::Chip(n) if chip(n + 1) => Some(Self::Chip(n + 1)),
+            Self::Patch(_) if job_settings.cfar.is_some() => Some(Self::Detect),
+            Self::Configure | Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Detect => {
+                Some(Self::Ready)
+            }
             Self::Ready => None,
         }
     }
@@ -90,6 +112,8 @@ impl Setting {
             Self::Configure => Command::Configure(Configuration {
                 id,
                 setup: job_settings.setup,
+                total_pulses: job_settings.total_pulses,
+                send_maps: job_settings.send_maps,
             }),
             Self::Weights(n) => {
                 let first = n * WEIGHTS_A_FRAME;
@@ -105,6 +129,9 @@ impl Setting {
                 count: job_settings.patches.len() as u16,
                 patch: job_settings.patches[n],
             },
+            Self::Chip(n) => Command::Chip(job_settings.chips[n]),
+            // Without settings there is no such step.
+            Self::Detect => job_settings.cfar.map_or(Command::Status, Command::Detect),
             Self::Ready => Command::Status,
         }
     }
@@ -116,7 +143,7 @@ impl Setting {
             Self::Configure => Ok(status.configuration == id),
             _ if status.configuration != id => Err(LinkError::Restarted),
             Self::Ready => Ok(status.state == ModuleState::Ready),
-            Self::Weights(_) | Self::Patch(_) => Ok(true),
+            Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Detect => Ok(true),
         }
     }
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 use subaperture_core::link::{Command, Damage, PROTOCOL_VERSION, Report};
 
 use super::news::News;
-use super::{Conversation, since};
+use super::{Conversation, State, since};
 use crate::link::ending::LinkError;
 use crate::link::identity::{Identity, printable};
 use crate::link::line::Outbox;
@@ -21,12 +21,14 @@ impl Conversation<'_> {
             Report::Identity {
                 arithmetic,
                 capacity,
+                image,
                 version,
                 ..
             } => {
                 self.news.identity = Some(Identity {
                     arithmetic,
                     capacity,
+                    image,
                     version: printable(version),
                 });
             }
@@ -35,7 +37,12 @@ impl Conversation<'_> {
                 self.news.status = Some(status);
             }
             Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
-            Report::Log { .. } | Report::Increment(_) => {}
+            Report::Accumulated { first, bits } if matches!(self.state, State::Listing(next) if next == first) =>
+            {
+                let counts = &mut self.ledger.counts;
+                self.news.listed = Some(self.intake.take_accumulated(first, bits, counts)?);
+            }
+            Report::Accumulated { .. } | Report::Log { .. } | Report::Increment(_) => {}
             _ => {
                 self.news.map = true;
                 self.intake.take(report, &mut self.ledger.counts)?;

@@ -1,4 +1,4 @@
-//! Control of a module from greeting to last map: a state machine without input or output.
+//! Control of a module from greeting to last product: a state machine without input or output.
 //!
 //! ```text
 //!            open                       transfer
@@ -28,6 +28,11 @@
 //! expects an earlier one) is sent again immediately; any other lost pulse costs its sub-CPI. Further runs repeat the sub-CPIs
 //! with a missing map, up to [`Settings::retries`] times. At a fixed pulse rate nothing is repeated, since a radar does not
 //! wait.
+//!
+//! **Images.** A module that accumulates an image is asked after each run which sub-CPIs the image contains
+//! (`State::Listing`), and for the chips of all patches when no run is left (`State::Collecting`). After a failure of the line
+//! the image is still there: the module is not configured again, and the list says what is missing. After a restart of the
+//! module everything is sent again.
 //!
 //! **Error recovery.** After a line failure, silence, a restart of the module, or lack of progress: reconnect, greet, abort the
 //! current run, configure, and continue with what is missing of the run. Recovery is abandoned after eight failures without a
@@ -106,6 +111,8 @@ pub(super) struct Conversation<'c> {
     clock: Option<Clock>,
     /// A run was started and its end not seen; a module that greets must report its state.
     in_run: bool,
+    /// The module was configured for this job.
+    configured: bool,
 }
 
 impl<'c> Conversation<'c> {
@@ -135,6 +142,7 @@ impl<'c> Conversation<'c> {
             runs: Runs::new(settings.retries, settings.rate_hz.is_some()),
             clock: None,
             in_run: false,
+            configured: false,
         }
     }
 
@@ -191,12 +199,19 @@ impl<'c> Conversation<'c> {
         self.fail_if_refused(news)?;
         let next = match (self.state, &news.status) {
             (State::Greeting, _) => self.greeted(news)?,
+            (State::Configuring(Setting::Abort), Some(status)) if self.holds_image(status) => {
+                Some(State::Listing(0))
+            }
             (State::Configuring(setting), Some(status))
                 if setting.is_answered_by(status, self.ledger.configuration)? =>
             {
                 Some(match setting.next(&self.job) {
+                    Some(Setting::Configure) => self.configure_anew(),
                     Some(setting) => State::Configuring(setting),
-                    None => self.next_run(),
+                    None => {
+                        self.configured = true;
+                        self.next_run()
+                    }
                 })
             }
             (State::Starting, Some(status)) if self.has_begun(status)? => {
@@ -223,6 +238,19 @@ impl<'c> Conversation<'c> {
                 self.state = State::Draining(*status, now);
                 (status.state == ModuleState::Done).then(|| self.run_over(status))
             }
+            (State::Listing(_), _) => news.listed.map(|next| match next {
+                Some(first) => State::Listing(first),
+                None => self.next_run(),
+            }),
+            (State::Collecting(patch), _) => {
+                if news.map {
+                    self.question.asked = now;
+                }
+                match self.intake.next_chip() {
+                    Some(next) if next == patch => None,
+                    next => Some(next.map_or(State::Over, State::Collecting)),
+                }
+            }
             _ => None,
         };
         Ok(next)
@@ -238,6 +266,7 @@ impl<'c> Conversation<'c> {
         match self.state {
             State::Configuring(setting) => {
                 error = setting.meaning(error);
+                self.configured &= setting == Setting::Abort;
                 if is_misattributed(&error) && self.tries.configurations < ATTEMPTS {
                     return self.enter(State::Configuring(Setting::Abort), now, outbox);
                 }
@@ -249,11 +278,18 @@ impl<'c> Conversation<'c> {
                     }
                     error => error,
                 };
-                self.run_interrupted(None);
+                self.run_interrupted(None, &error);
             }
             State::Streaming(Stream { last_status, .. })
             | State::Stopping(last_status)
-            | State::Draining(last_status, _) => self.run_interrupted(Some(&last_status)),
+            | State::Draining(last_status, _) => self.run_interrupted(Some(&last_status), &error),
+            State::Listing(_) | State::Collecting(_) => {
+                self.tries.without_progress += 1;
+                self.tries.recoveries = 0;
+                if let LinkError::Refused(Refusal::PatchIndex | Refusal::NotConfigured) = error {
+                    error = LinkError::Restarted;
+                }
+            }
             State::Greeting | State::Reconnecting | State::Over => {}
         }
         let given_up =
@@ -280,9 +316,12 @@ impl<'c> Conversation<'c> {
                 self.ask_first(now, outbox)
             }
             State::Configuring(setting) => {
-                if setting == Setting::Abort {
-                    self.ledger.configuration = self.ledger.configuration.wrapping_add(1);
-                    self.tries.configurations += 1;
+                match setting {
+                    Setting::Abort => self.tries.configurations += 1,
+                    Setting::Configure => {
+                        self.ledger.configuration = self.ledger.configuration.wrapping_add(1);
+                    }
+                    _ => {}
                 }
                 self.ask_first(now, outbox)
             }
@@ -294,7 +333,9 @@ impl<'c> Conversation<'c> {
                 self.run_begins(now);
                 self.stream(now, outbox)
             }
-            State::Stopping(_) => self.ask_first(now, outbox),
+            State::Stopping(_) | State::Listing(_) | State::Collecting(_) => {
+                self.ask_first(now, outbox)
+            }
             State::Draining(..) => {
                 self.times.advanced = now;
                 self.wait()

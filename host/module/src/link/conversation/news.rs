@@ -6,7 +6,7 @@ use crate::link::counts::{Counts, growth};
 use crate::link::identity::Identity;
 use crate::link::settings::Settings;
 
-/// Reports received in one exchange, except maps.
+/// Reports received in one exchange, except products.
 #[derive(Default)]
 pub(super) struct News {
     pub(super) identity: Option<Identity>,
@@ -14,9 +14,11 @@ pub(super) struct News {
     pub(super) version: Option<u8>,
     pub(super) status: Option<Status>,
     pub(super) refusal: Option<(u32, Refusal)>,
+    /// Part of the list of accumulated sub-CPIs received, with the first sub-CPI of the next part.
+    pub(super) listed: Option<Option<u32>>,
     /// Whether any valid new frame was received.
     pub(super) any: bool,
-    /// Whether a part of a map was received.
+    /// Whether a part of a product was received.
     pub(super) map: bool,
     /// Whether a frame was behind in the sequence: its sender restarted.
     pub(super) behind: bool,

@@ -62,6 +62,8 @@ impl Conversation<'_> {
                 first: self.pulses().start,
             },
             State::Stopping(_) => Command::Stop,
+            State::Listing(first) => Command::Accumulated { first },
+            State::Collecting(patch) => Command::SendChip { patch },
             State::Streaming(_) | State::Draining(..) | State::Reconnecting | State::Over => {
                 Command::Status
             }
@@ -76,9 +78,11 @@ impl Conversation<'_> {
             return Ok(());
         };
         let concerns = match self.state {
-            State::Configuring(_) | State::Starting | State::Stopping(_) => {
-                sequence == self.question.sequence
-            }
+            State::Configuring(_)
+            | State::Starting
+            | State::Stopping(_)
+            | State::Listing(_)
+            | State::Collecting(_) => sequence == self.question.sequence,
             State::Streaming(_) => {
                 matches!(what, Refusal::Encoding | Refusal::PulseLength { .. })
             }

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use subaperture_core::link::{State as ModuleState, Status};
 
+use super::configuring::Setting;
 use super::streaming::{Clock, Progress, Stream};
 use super::{Conversation, State, Step, TICK, since};
 use crate::link::ending::LinkError;
@@ -19,13 +20,34 @@ const STUCK_IDLES: u32 = 6;
 impl Conversation<'_> {
     // Runs.
 
-    /// State that starts the next run, or the end.
+    /// State that starts the next run, or requests the accumulated image, or the end.
     pub(super) fn next_run(&mut self) -> State {
         let taken = self.ledger.counts.maps_taken;
         match self.runs.next(&mut self.intake, taken, self.clock.as_ref()) {
             Some(_) => State::Starting,
-            None => State::Over,
+            None => self
+                .intake
+                .next_chip()
+                .map_or(State::Over, State::Collecting),
         }
+    }
+
+    /// Whether the module, no longer busy, still holds the image of the current configuration.
+    pub(super) fn holds_image(&self, status: &Status) -> bool {
+        self.configured
+            && self.intake.is_image()
+            && status.configuration == self.ledger.configuration
+            && matches!(status.state, ModuleState::Ready | ModuleState::Done)
+    }
+
+    /// Configure the module, which discards its image.
+    pub(super) fn configure_anew(&mut self) -> State {
+        self.configured = false;
+        if self.intake.is_image() {
+            self.intake.reset_image(&mut self.ledger.counts);
+            self.runs.start_over();
+        }
+        State::Configuring(Setting::Configure)
     }
 
     /// Pulses of the current run.
@@ -135,18 +157,26 @@ impl Conversation<'_> {
         // The module cannot know of pulses lost at the end.
         let unknown = self.pulses().end.saturating_sub(last_status.next_pulse);
         self.ledger.counts.module_pulses.lost += u64::from(unknown);
-        self.next_run()
+        match self.intake.is_image() {
+            true => State::Listing(0),
+            false => self.next_run(),
+        }
     }
 
-    /// The run was interrupted, before it started or after this status.
-    pub(super) fn run_interrupted(&mut self, last_status: Option<&Status>) {
+    /// The run was interrupted by an error, before it started or after this status.
+    pub(super) fn run_interrupted(&mut self, last_status: Option<&Status>, error: &LinkError) {
+        // An image survives anything but a restart of the module.
+        let accumulated = self.intake.is_image()
+            && !matches!(error, LinkError::Restarted)
+            && last_status.is_some_and(|status| status.maps > 0);
         let counts = &mut self.ledger.counts;
         if let Some(last_status) = last_status {
             // It still counts as active, so that the module is made to end it.
             counts.module_pulses.add(&last_status.pulses);
             self.intake.end(counts);
         }
-        self.tries.without_progress = match self.runs.interrupt(counts.maps_taken) {
+        let taken = self.runs.interrupt(counts.maps_taken);
+        self.tries.without_progress = match taken || accumulated {
             true => 0,
             false => self.tries.without_progress + 1,
         };

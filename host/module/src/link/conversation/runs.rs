@@ -67,6 +67,13 @@ impl Runs {
         self.todo = rest;
     }
 
+    /// Start the current pass over all sub-CPIs again: everything taken was lost.
+    pub(super) fn start_over(&mut self) {
+        self.broken = false;
+        self.todo.clear();
+        self.passes = self.passes.saturating_sub(1);
+    }
+
     /// Interrupt the run. Returns whether a map was received in it.
     pub(super) fn interrupt(&mut self, taken: u64) -> bool {
         self.broken = true;

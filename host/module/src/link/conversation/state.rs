@@ -52,6 +52,10 @@ pub(super) enum State {
     Stopping(Status),
     /// Waiting for the last maps. Holds the last status and its time.
     Draining(Status, Instant),
+    /// Asking which sub-CPIs the module has accumulated, from this one on.
+    Listing(u32),
+    /// Asking for the chip of this patch.
+    Collecting(u16),
     /// Reconnecting the line.
     Reconnecting,
     /// Finished.

@@ -6,8 +6,9 @@ use super::*;
 use crate::link::counts::Counts;
 use crate::link::intake::DiscardMaps;
 use crate::link::job::Wanted;
+use crate::link::products::Products;
 use crate::link::settings::Settings;
-use subaperture_core::link::{Arithmetic, LinkCounters, Report};
+use subaperture_core::link::{Arithmetic, ImageCapacity, LinkCounters, Report};
 use subaperture_core::stream::{Capacity, PulseCounters};
 
 fn somebody() -> Identity {
@@ -20,6 +21,7 @@ fn somebody() -> Identity {
             doppler_bins: 1,
             patches: 1,
         },
+        image: ImageCapacity::default(),
         version: "a module".to_owned(),
     }
 }
@@ -61,7 +63,7 @@ impl Scene<'_> {
 fn play(identity: Option<Identity>, act: impl FnOnce(&mut Scene<'_>)) -> Counts {
     let mut ledger = Ledger::new(Settings::default());
     let mut nowhere = DiscardMaps;
-    let intake = Intake::new(Wanted::empty(), &mut [], &mut nowhere);
+    let intake = Intake::new(Wanted::empty(), &mut [], Products::Maps(&mut nowhere));
     act(&mut Scene {
         conversation: Conversation::new(&mut ledger, JobSettings::empty(), intake, identity),
         outbox: Outbox::new(),
@@ -95,11 +97,11 @@ fn greeting_repeats_until_module_counts_as_silent() {
 fn answering_module_is_configured_step_by_step() {
     play(Some(somebody()), |scene| {
         assert!(matches!(scene.send(Event::Begun), Step::Exchange(_)));
-        let id = scene.conversation.ledger.configuration;
         assert!(matches!(
             scene.hear(ModuleState::Idle, 0),
             Step::Exchange(_)
         ));
+        let id = scene.conversation.ledger.configuration;
         let configuring = |scene: &Scene<'_>| match scene.conversation.state {
             State::Configuring(setting) => Some(setting),
             _ => None,
@@ -110,8 +112,8 @@ fn answering_module_is_configured_step_by_step() {
         // It restarted: everything is sent again under another number.
         scene.hear(ModuleState::Idle, 0);
         assert_eq!(configuring(scene), Some(Setting::Abort));
-        assert_eq!(scene.conversation.ledger.configuration, id + 1);
         scene.hear(ModuleState::Idle, 0);
+        assert_eq!(scene.conversation.ledger.configuration, id + 1);
         scene.hear(ModuleState::Idle, id + 1);
         // There is nothing to map.
         let step = scene.hear(ModuleState::Ready, id + 1);

@@ -220,8 +220,8 @@ impl Sheet<'_> {
         ]);
         memory.push(vec!["allowed".to_owned(), self.typed.ram.to_string()]);
         memory.push(vec![
-            "in addition: detections, chip".to_owned(),
-            plan.ram.options_bytes.to_string(),
+            "in addition: detections".to_owned(),
+            plan.ram.detections_bytes.to_string(),
         ]);
         text::table(&["memory", "bytes"], &memory)
     }

@@ -1,0 +1,156 @@
+//! Image that a module accumulates from its maps ([`crate::link::Session::accumulate`]).
+//!
+//! Every patch has a chip: the rectangle of the grid's pixels that belong to it. The module sums the maps of each patch over
+//! all sub-CPIs at the pixels of its chip (`subaperture_core::accumulate`, the range-Doppler backprojection of Schone 2020,
+//! chapter 3), and sends each chip once. The bytes from the module are those of the pixels, however many pulses there are.
+//!
+//! **Error**: that of the plan for [`ModuleProduct::Image`](crate::plan::ModuleProduct::Image). **Tests**: `tests/link/image.rs`,
+//! `tests/firmware/image.rs`.
+
+use num_complex::Complex32;
+use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
+use subaperture_core::link::ChipGrid;
+
+use crate::link::{AccumulatedImage, HostCore};
+use crate::plan::ModulePlan;
+use subaperture_focus::patch::{Rectangle, rectangles};
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::Image;
+use subaperture_model::phase_history::ReadError;
+
+/// Reason why a module cannot accumulate an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Unsuited {
+    /// Polar grid or pixels on a surface.
+    #[error(
+        "grid: expected a flat Cartesian grid, found {0}: let the module send maps, and form the image of them"
+    )]
+    Grid(&'static str),
+    /// More pixels than the module has memory for.
+    #[error(
+        "pixels: expected at most {most} for this module, found {pixels}: give a smaller --grid"
+    )]
+    Pixels {
+        /// Pixels of the grid.
+        pixels: u64,
+        /// Pixels that the module has memory for.
+        most: u32,
+    },
+    /// More sub-CPIs than the module counts.
+    #[error("sub-CPIs: expected at most {most} for this module, found {sub_cpis}: link the recordings one by one")]
+    SubCpis {
+        /// Sub-CPIs of the plan.
+        sub_cpis: usize,
+        /// Sub-CPIs that the module counts.
+        most: u32,
+    },
+}
+
+/// Check that a module can accumulate pixels of this grid.
+///
+/// # Errors
+/// [`Unsuited::Grid`] otherwise.
+pub fn check_grid(grid: &ImageGrid) -> Result<(), Unsuited> {
+    match (grid.polar, &grid.relief) {
+        (true, _) => Err(Unsuited::Grid("a polar grid")),
+        (false, Some(_)) => Err(Unsuited::Grid("pixels on a surface")),
+        (false, None) => Ok(()),
+    }
+}
+
+/// Chips of the patches of a plan, in their order.
+pub fn chips(plan: &ModulePlan, grid: &ImageGrid) -> Vec<ChipGrid> {
+    let places = rectangles(grid, plan.patch_pixels);
+    let chips = places.iter().zip(0..).map(|(place, patch)| ChipGrid {
+        patch,
+        origin_m: grid.position_m(place.row, place.column).to_array(),
+        column_step_m: (grid.x_axis * grid.columns.step).to_array(),
+        row_step_m: (grid.y_axis * grid.rows.step).to_array(),
+        num_columns: place.size.columns as u16,
+        num_rows: place.size.rows as u16,
+    });
+    chips.collect()
+}
+
+/// Image of the chips on the grid; pixels of missing chips are zero. Samples were multiplied by `amplitude_scale`.
+pub fn assemble(
+    plan: &ModulePlan,
+    grid: &ImageGrid,
+    received: &AccumulatedImage,
+    amplitude_scale: f32,
+) -> Image {
+    let columns = grid.columns.count;
+    let mut pixels = vec![Complex32::ZERO; grid.rows.count * columns];
+    let places = rectangles(grid, plan.patch_pixels);
+    for (place, chip) in places.iter().zip(&received.chips) {
+        let Rectangle { row, column, size } = *place;
+        let Some(chip) = chip else { continue };
+        for (i, line) in chip.chunks(size.columns).enumerate() {
+            let first = (row + i) * columns + column;
+            for (pixel, value) in pixels[first..].iter_mut().zip(line) {
+                *pixel = value / amplitude_scale;
+            }
+        }
+    }
+    Image {
+        rows: grid.rows.count,
+        columns,
+        pixels,
+    }
+}
+
+/// The same image by the core on this computer: the sum of the same sub-CPIs in the same order. If the module computes as this
+/// computer does, the pixels are bit-identical.
+///
+/// # Errors
+/// [`ReadError`] if the recording cannot be read.
+pub fn by_host_core(
+    core: &mut HostCore<'_>,
+    chips: &[ChipGrid],
+    sub_cpis: &[u32],
+) -> Result<AccumulatedImage, ReadError> {
+    let kernel = ChipKernel::new();
+    let mut sums: Vec<Vec<Complex32>> = chips
+        .iter()
+        .map(|chip| {
+            vec![Complex32::ZERO; usize::from(chip.num_columns) * usize::from(chip.num_rows)]
+        })
+        .collect();
+    let mut image = AccumulatedImage {
+        sub_cpis: sub_cpis.to_vec(),
+        ..AccumulatedImage::default()
+    };
+    for &sub_cpi in sub_cpis {
+        let setup = *core.setup();
+        for (map, (grid, pixels)) in core.owned_maps(sub_cpi)?.iter().zip(chips.iter().zip(&mut sums)) {
+            let map = map.view();
+            if grid.patch == 0 {
+                image.weight_sum += map.header.weight_sum;
+            }
+            let width = usize::from(grid.num_columns);
+            for (row, line) in pixels.chunks_mut(width).enumerate() {
+                // As the module does, one row at a time.
+                let line_grid = PixelGrid {
+                    origin_m: std::array::from_fn(|i| {
+                        grid.origin_m[i] + row as f64 * grid.row_step_m[i]
+                    }),
+                    column_step_m: grid.column_step_m,
+                    row_step_m: [0.0; 3],
+                    num_columns: width,
+                    num_rows: 1,
+                };
+                let weight = f32::from(map.header.num_pulses);
+                let inside = add_patch_map(line, &line_grid, &setup, &map, &kernel, weight)
+                    .expect("the line has the length of its grid");
+                image.left_out += (width - inside) as u64;
+            }
+        }
+    }
+    let scale = 1.0 / image.weight_sum;
+    image.chips = sums
+        .into_iter()
+        .map(|pixels| Some(pixels.iter().map(|sum| sum * scale).collect()))
+        .collect();
+    Ok(image)
+}

@@ -1,0 +1,140 @@
+//! What a module sends: maps, detections, or an image that it accumulates.
+
+use num_complex::Complex32;
+use subaperture_core::cfar::{Cfar, Detection};
+use subaperture_core::link::{AssembledChip, ChipGrid, Report, complex32s, detections};
+
+use super::ending::SinkError;
+use super::intake::MapSink;
+
+/// Requested products of a job, with the receiver of each.
+pub(super) enum Products<'c> {
+    Maps(&'c mut dyn MapSink),
+    Detections(Cfar, &'c mut dyn DetectionSink),
+    Image(&'c [ChipGrid], &'c mut AccumulatedImage),
+}
+
+impl Products<'_> {
+    /// The same products with a shorter lifetime.
+    pub(super) fn by_ref(&mut self) -> Products<'_> {
+        match self {
+            Self::Maps(sink) => Products::Maps(&mut **sink),
+            Self::Detections(cfar, sink) => Products::Detections(*cfar, &mut **sink),
+            Self::Image(grids, image) => Products::Image(grids, image),
+        }
+    }
+}
+
+/// Receiver of detections.
+pub trait DetectionSink {
+    /// Accept all detections on the map of a patch in a sub-CPI, strongest first. Every list is passed once, in any order.
+    ///
+    /// # Errors
+    /// An error ends the transfer.
+    fn accept(
+        &mut self,
+        sub_cpi: u32,
+        patch: u16,
+        detections: &[Detection],
+    ) -> Result<(), SinkError>;
+}
+
+/// Image that a module has accumulated, as received.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AccumulatedImage {
+    /// Sub-CPIs that the image contains, in the order in which they were added.
+    pub sub_cpis: Vec<u32>,
+    /// Sum of the slow-time weights of their pulses.
+    pub weight_sum: f32,
+    /// Number of contributions left out because a pixel lies outside the map of its patch. The image is wrong there.
+    pub left_out: u64,
+    /// Pixels of the chips in the order of the patches, row-major. `None` for a chip that was not received.
+    pub chips: Vec<Option<Vec<Complex32>>>,
+}
+
+impl AccumulatedImage {
+    /// Discard everything for an image of this many chips.
+    pub(super) fn reset(&mut self, chips: usize) {
+        *self = Self {
+            chips: vec![None; chips],
+            ..Self::default()
+        };
+    }
+
+    /// First chip that was not received.
+    pub(super) fn next_chip(&self) -> Option<u16> {
+        let missing = self.chips.iter().position(Option::is_none);
+        missing.map(|index| index as u16)
+    }
+
+    /// Accept a chip of the requested grids. Chips of another sum are ignored.
+    pub(super) fn accept(&mut self, grids: &[ChipGrid], chip: &AssembledChip<'_>) {
+        let index = usize::from(chip.grid.patch);
+        let requested = grids.get(index) == Some(&chip.grid);
+        if !requested || chip.maps as usize != self.sub_cpis.len() {
+            return;
+        }
+        if self.chips[index].is_none() {
+            self.left_out += u64::from(chip.left_out);
+        }
+        self.weight_sum = chip.weight_sum;
+        self.chips[index] = Some(complex32s(chip.bytes).collect());
+    }
+}
+
+/// Reassembly of the list of detections of a map from its frames.
+#[derive(Default)]
+pub(super) struct DetectionAssembly {
+    map: Option<u32>,
+    list: Vec<Detection>,
+    /// Number of complete lists, and of maps that the module reports.
+    complete: u32,
+    made: u32,
+}
+
+impl DetectionAssembly {
+    /// Start a new run.
+    pub(super) fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Set the number of maps that the module reports for the run.
+    pub(super) fn finish(&mut self, maps: u32) {
+        self.made = maps;
+    }
+
+    /// Number of lists lost.
+    pub(super) fn lost(&self) -> u32 {
+        self.made.saturating_sub(self.complete)
+    }
+
+    /// Process a report. Returns sub-CPI, patch and detections of a list that it completes.
+    pub(super) fn take(&mut self, report: &Report<'_>) -> Option<(u32, u16, &[Detection])> {
+        let Report::Detections {
+            map,
+            sub_cpi,
+            patch,
+            first,
+            total,
+            list,
+        } = *report
+        else {
+            return None;
+        };
+        if first == 0 {
+            self.map = Some(map);
+            self.list.clear();
+        }
+        if self.map != Some(map) || usize::from(first) != self.list.len() {
+            self.map = None;
+            return None;
+        }
+        self.list.extend(detections(list));
+        if self.list.len() < usize::from(total) {
+            return None;
+        }
+        self.map = None;
+        self.complete += 1;
+        Some((sub_cpi, patch, &self.list))
+    }
+}

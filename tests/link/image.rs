@@ -1,0 +1,243 @@
+//! Images that a module accumulates, over lossy lines: no wrong pixel is ever accepted, no sub-CPI is added twice, and what an
+//! image lacks is listed.
+//!
+//! The module is the firmware's own endpoint in a thread of this process. Images are compared bit by bit with the sum of the
+//! maps of the core run here.
+
+use std::time::Duration;
+
+use subaperture::module::link::{
+    AccumulatedImage, Buffers, DetectionSink, Outcome, Session, Settings, SinkError, TransferEnd,
+};
+use subaperture::monitor::Silent;
+use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
+use subaperture_core::link::Encoding;
+use subaperture_core::stream::{MapSamples, PatchMap};
+use subaperture_tests::faults::Faults;
+use subaperture_tests::link_scene::{
+    CHIPS, Key, MAPS, PULSES, expected, image_scene, job, judge_image, recorded,
+};
+use subaperture_tests::module::{Manner, Module};
+
+fn settings(retries: u32) -> Settings {
+    Settings {
+        answer: Duration::from_millis(30),
+        idle: Duration::from_secs(5),
+        retries,
+        first_number: 77,
+        ..Settings::default()
+    }
+}
+
+fn image(faults: Faults, settings: Settings) -> (Outcome, AccumulatedImage) {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut job = job(&scene, &recording, Encoding::Complex32);
+    let mut module = Module::behind(faults, Manner::default());
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let (outcome, image) = session.accumulate(&mut job, &CHIPS, &mut Silent);
+    println!("{}", outcome.counts);
+    judge_image(&image);
+    let counts = &outcome.counts;
+    assert_eq!(counts.maps_taken, 2 * image.sub_cpis.len() as u64);
+    assert_eq!(outcome.missing.len() + 2 * image.sub_cpis.len(), MAPS);
+    (outcome, image)
+}
+
+/// Assert that an image has all sub-CPIs and pixels.
+#[track_caller]
+fn complete(faults: Faults, settings: Settings) -> (Outcome, AccumulatedImage) {
+    let (outcome, image) = image(faults, settings);
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
+    assert_eq!(image.sub_cpis.len(), MAPS / 2);
+    assert!(image.chips.iter().all(Option::is_some));
+    (outcome, image)
+}
+
+#[test]
+fn clean_line_delivers_the_image_in_one_run() {
+    let (outcome, image) = complete(Faults::default(), settings(3));
+    let counts = &outcome.counts;
+    assert_eq!((counts.runs, counts.pulses_sent), (1, PULSES as u64));
+    assert!(image.sub_cpis.is_sorted());
+    // 42 pixels of 8 bytes, where the maps have 24 times some 300 samples.
+    assert!(counts.bytes_from_module < 3000, "{counts}");
+}
+
+#[test]
+fn bit_errors_only_cost_time() {
+    for (seed, bit_errors) in [(1, 1e-5), (2, 1e-4), (3, 2e-4)] {
+        let faults = Faults {
+            seed,
+            bit_errors,
+            ..Faults::default()
+        };
+        let (outcome, _) = complete(faults, settings(1000));
+        if bit_errors > 5e-5 {
+            assert!(outcome.counts.maps_fetched_again > 0);
+        }
+    }
+}
+
+#[test]
+fn line_with_an_error_in_a_thousand_bits_gives_no_wrong_pixel() {
+    for seed in 4..6 {
+        let faults = Faults {
+            seed,
+            bit_errors: 1e-3,
+            ..Faults::default()
+        };
+        // A pulse of some 200 bytes arrives with a probability of 0.2, all four of a sub-CPI with 0.0016.
+        let (outcome, image) = image(faults, settings(3));
+        println!("{:?} {:?}", outcome.ending, image.sub_cpis);
+        assert!(outcome.counts.frames_from_module.damaged > 0);
+        assert_eq!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            outcome.missing.is_empty() && image.chips.iter().all(Option::is_some)
+        );
+    }
+}
+
+#[test]
+fn sub_cpis_missing_without_retries_are_listed() {
+    let faults = Faults {
+        seed: 5,
+        dropped_pulses: 0.05,
+        ..Faults::default()
+    };
+    let (outcome, image) = image(faults, settings(0));
+    assert!(
+        matches!(outcome.ending, TransferEnd::Incomplete),
+        "{outcome:?}"
+    );
+    assert!(!image.sub_cpis.is_empty() && !outcome.missing.is_empty());
+    assert!(image.chips.iter().all(Option::is_some));
+}
+
+#[test]
+fn image_survives_failures_of_the_line() {
+    let faults = Faults {
+        dies_at: vec![5_000, 8_111],
+        ..Faults::default()
+    };
+    let (outcome, _) = complete(faults, settings(3));
+    let counts = &outcome.counts;
+    assert_eq!((counts.reconnects, counts.restarts), (2, 0));
+    // The module was not configured again, and only cut sub-CPIs were repeated.
+    assert!(counts.pulses_sent < PULSES as u64 + 3 * 8, "{counts}");
+}
+
+#[test]
+fn restarted_module_accumulates_from_the_start() {
+    for at in [4_321, 7_000, 9_500] {
+        let faults = Faults {
+            restarts_at: vec![at, at + 3_000],
+            ..Faults::default()
+        };
+        let (outcome, _) = complete(faults, settings(3));
+        assert!(outcome.counts.restarts >= 1, "{outcome:?}");
+        assert!(outcome.counts.pulses_sent > PULSES as u64);
+    }
+}
+
+#[test]
+fn all_faults_together_still_deliver_the_image() {
+    for seed in 20..26 {
+        let faults = Faults {
+            seed,
+            bit_errors: 2e-5,
+            cuts: 1e-4,
+            dropped_pulses: 0.05,
+            dies_at: vec![9_000],
+            restarts_at: vec![6_000, 15_000],
+            stalls_at: vec![(7_000, Duration::from_millis(200))],
+        };
+        complete(faults, settings(200));
+    }
+}
+
+/// A second image in the same session does not continue the first.
+#[test]
+fn second_image_of_a_session_starts_empty() {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut module = Module::start(Manner::default());
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut module, &mut buffers, settings(3), &mut Silent).unwrap();
+    let mut images = Vec::new();
+    for _ in 0..2 {
+        let mut job = job(&scene, &recording, Encoding::Complex32);
+        let (outcome, image) = session.accumulate(&mut job, &CHIPS, &mut Silent);
+        assert!(matches!(outcome.ending, TransferEnd::Complete));
+        judge_image(&image);
+        images.push(image);
+    }
+    assert_eq!(images[0], images[1]);
+}
+
+const CFAR: Cfar = Cfar {
+    range: TrainingWindow {
+        guard: 1,
+        training: 3,
+    },
+    doppler: TrainingWindow {
+        guard: 1,
+        training: 2,
+    },
+    false_alarm_probability: 0.1,
+};
+
+/// Received lists by sub-CPI and patch.
+#[derive(Default)]
+struct Lists(std::collections::BTreeMap<Key, Vec<Detection>>);
+
+impl DetectionSink for Lists {
+    fn accept(&mut self, sub_cpi: u32, patch: u16, list: &[Detection]) -> Result<(), SinkError> {
+        let before = self.0.insert((sub_cpi, patch), list.to_vec());
+        assert!(before.is_none(), "a list came twice");
+        Ok(())
+    }
+}
+
+#[test]
+fn detections_over_a_faulty_line_are_those_of_the_core() {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    for seed in 0..4 {
+        let faults = Faults {
+            seed,
+            bit_errors: f64::from(seed as u32) * 2e-5,
+            restarts_at: if seed == 3 { vec![6_000] } else { Vec::new() },
+            ..Faults::default()
+        };
+        let mut job = job(&scene, &recording, Encoding::Complex32);
+        let mut module = Module::behind(faults, Manner::default());
+        let mut buffers = Buffers::new();
+        let mut lists = Lists::default();
+        let mut session =
+            Session::open(&mut module, &mut buffers, settings(100), &mut Silent).unwrap();
+        let outcome = session.detect(&mut job, &CFAR, &mut lists, &mut Silent);
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
+        assert_eq!(lists.0.len(), MAPS);
+        let mut total = 0;
+        for (key, (header, values)) in expected(&scene) {
+            let map = PatchMap {
+                header,
+                samples: MapSamples::Float(&values),
+            };
+            let mut columns = vec![Column::EMPTY; header.patch.num_range_bins()];
+            let mut own = heapless::Vec::<Detection, 32>::new();
+            CFAR.detect_in_map(&map, &mut columns, &mut own).unwrap();
+            assert_eq!(lists.0[&key], own.as_slice());
+            total += own.len();
+        }
+        assert!(total > MAPS, "{total}");
+    }
+}
