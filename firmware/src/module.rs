@@ -1,6 +1,7 @@
 //! Static buffers of the module and the endpoint that uses them; run by the application and measured by `cycles`.
 
 use subaperture_core::Complex32;
+use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::motion::Odometer;
@@ -20,7 +21,7 @@ use subaperture_core::{
 use crate::endpoint::{Endpoint, LinkBuffers};
 use crate::memory::Placed;
 use crate::place;
-use crate::products::{Chip, ChipKernel, ProductBuffers};
+use crate::products::{Chip, ProductBuffers};
 #[cfg(feature = "fixed")]
 use crate::sizes::BLOCKS;
 use crate::sizes::{

@@ -9,7 +9,7 @@ use subaperture::geometry::ImageGrid;
 use subaperture::io::npy;
 use subaperture::module::maps::{Arithmetic, Run, RunTotals};
 use subaperture::module::maps_file::MapWriter;
-use subaperture::module::plan::{ModuleCapacity, ModulePlan, Requirements};
+use subaperture::module::plan::{ModuleCapacity, ModulePlan, ModuleProduct, Requirements};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;

@@ -11,7 +11,9 @@ use subaperture::io::open::{Options, open_all};
 use subaperture::module::image::{MapsTask, Report, form};
 use subaperture::module::maps::{Arithmetic, OwnedMap, Run, RunTotals};
 use subaperture::module::maps_file::{MapFile, MapWriter};
-use subaperture::module::plan::{ModuleCapacity, ModulePlan, PlanError, Requirements};
+use subaperture::module::plan::{
+    ModuleCapacity, ModulePlan, ModuleProduct, PlanError, Requirements,
+};
 use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{InMemory, Joined, PhaseHistory, Weights};
 use subaperture::signal::window::Window;

@@ -9,7 +9,6 @@ use subaperture_core::stream::{
     PulseStores,
 };
 use subaperture_core::{Complex32, Sc16};
-use subaperture_firmware::sizes;
 
 #[test]
 fn buffers_have_documented_sizes() {

@@ -38,7 +38,9 @@ pub enum Unsuited {
         most: u32,
     },
     /// More sub-CPIs than the module counts.
-    #[error("sub-CPIs: expected at most {most} for this module, found {sub_cpis}: link the recordings one by one")]
+    #[error(
+        "sub-CPIs: expected at most {most} for this module, found {sub_cpis}: link the recordings one by one"
+    )]
     SubCpis {
         /// Sub-CPIs of the plan.
         sub_cpis: usize,
@@ -123,7 +125,11 @@ pub fn by_host_core(
     };
     for &sub_cpi in sub_cpis {
         let setup = *core.setup();
-        for (map, (grid, pixels)) in core.owned_maps(sub_cpi)?.iter().zip(chips.iter().zip(&mut sums)) {
+        for (map, (grid, pixels)) in core
+            .owned_maps(sub_cpi)?
+            .iter()
+            .zip(chips.iter().zip(&mut sums))
+        {
             let map = map.view();
             if grid.patch == 0 {
                 image.weight_sum += map.header.weight_sum;

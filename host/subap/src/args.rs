@@ -32,6 +32,7 @@ use glam::DVec3;
 use serde::{Deserialize, Deserializer};
 use subaperture::geometry::{Geodetic, ImageGrid};
 use subaperture::module::link::ModuleAddress;
+use subaperture::module::plan::ModuleProduct;
 use subaperture::simulate::{Preset, scenario};
 
 use crate::failure::Usage;
@@ -97,7 +98,7 @@ pub(crate) enum Command {
     Focus(Box<Focus>),
     /// Form the velocity image of a moving target
     Velocity(Velocity),
-    /// Compute range-Doppler maps on an embedded module and store them in a file
+    /// Compute range-Doppler maps or an image on an embedded module, and store them
     Link(Link),
     /// Simulate a scene: phase history as CPHD 1.1, or raw echoes
     Simulate(Simulate),
@@ -215,6 +216,24 @@ fn channels_of_job<'de, D: Deserializer<'de>>(
     settings::parsed_by(from, several_channels).map(Some)
 }
 
+/// What a module sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Sent {
+    /// Range-Doppler maps of every patch and sub-CPI
+    Maps,
+    /// One image, accumulated on board over all sub-CPIs
+    Image,
+}
+
+impl From<Sent> for ModuleProduct {
+    fn from(sent: Sent) -> Self {
+        match sent {
+            Sent::Maps => Self::Maps,
+            Sent::Image => Self::Image,
+        }
+    }
+}
+
 /// `subap link`.
 #[derive(Debug, Group)]
 pub(crate) struct Link {
@@ -225,9 +244,13 @@ pub(crate) struct Link {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// File for the maps; subap focus --from-maps forms the image
-    #[arg(long, short, value_name = "MAPS", value_hint = ValueHint::FilePath, value_parser = output())]
+    /// File for the maps; subap focus --from-maps forms the image. With --send image, folder for the image
+    #[arg(long, short, value_name = "PATH", value_hint = ValueHint::AnyPath, value_parser = output())]
     pub(crate) out: PathBuf,
+
+    /// What the module sends: the maps of every sub-CPI, or one image accumulated on board
+    #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
+    pub(crate) send: Sent,
 
     /// Pixels covered by the maps, as for focus [default: the scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
@@ -254,11 +277,11 @@ pub(crate) struct Link {
     #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "rate")]
     pub(crate) retries: u32,
 
-    /// Compare every map bit by bit with that of the same core on this machine, and fail if one differs
+    /// Compare every map or the image bit by bit with that of the same core on this machine, and fail if it differs
     #[arg(long)]
     pub(crate) verify: bool,
 
-    /// PNG file of the image so far, updated about once a second
+    /// PNG file of the image so far, updated about once a second; only with --send maps
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
 

@@ -11,7 +11,7 @@
 
 use std::time::{Duration, Instant};
 
-use subaperture_core::link::AssembledMap;
+use subaperture_core::link::{AssembledMap, ChipGrid};
 
 use super::ending::{LinkError, SinkError, TransferEnd};
 use super::intake::MapSink;
@@ -38,8 +38,8 @@ impl MapSink for Clock {
     }
 }
 
-/// Process the first sub-CPIs of `job`, which is from `history`, on the module of `session`. `None` if maps were lost: the
-/// line is then too unreliable for a forecast.
+/// Process the first sub-CPIs of `job`, which is from `history`, on the module of `session`: their maps are sent, or accumulated
+/// into `chips`. `None` if maps were lost: the line is then too unreliable for a forecast.
 ///
 /// # Errors
 /// [`LinkError`] if the session fails.
@@ -47,27 +47,44 @@ pub fn rehearse(
     session: &mut Session<'_>,
     job: &Job<'_>,
     history: &dyn PhaseHistory,
+    chips: Option<&[ChipGrid]>,
     watch: &mut dyn SessionObserver,
 ) -> Result<Option<Forecast>, LinkError> {
-    let all = history.collection().pulses.len();
-    let pulses = all.min(SUB_CPIS * usize::from(job.setup.num_pulses));
-    let first = PulseRange::new(history, 0..pulses);
-    // Weights do not affect the time.
-    let weights = vec![1.0; pulses];
-    let mut part = Job {
-        setup: job.setup,
-        fast_weights: job.fast_weights.clone(),
-        patches: job.patches.clone(),
-        pulses: PulseSource::new(&first, &weights, job.pulses.encoding())?,
-    };
     let mut clock = Clock {
         start: Instant::now(),
         came: [None; SUB_CPIS],
     };
-    match session.transfer(&mut part, &mut clock, watch).ending {
-        TransferEnd::Complete => {}
-        TransferEnd::Incomplete => return Ok(None),
-        TransferEnd::Failed(error) => return Err(error),
+    // Maps come sub-CPI by sub-CPI, an image at the end only: each of its parts is a transfer.
+    let parts = match chips {
+        None => SUB_CPIS..SUB_CPIS + 1,
+        Some(_) => 1..SUB_CPIS + 1,
+    };
+    for sub_cpis in parts {
+        let all = history.collection().pulses.len();
+        let pulses = all.min(sub_cpis * usize::from(job.setup.num_pulses));
+        let first = PulseRange::new(history, 0..pulses);
+        // Weights do not affect the time.
+        let weights = vec![1.0; pulses];
+        let mut part = Job {
+            setup: job.setup,
+            fast_weights: job.fast_weights.clone(),
+            patches: job.patches.clone(),
+            pulses: PulseSource::new(&first, &weights, job.pulses.encoding())?,
+        };
+        let ending = match chips {
+            None => session.transfer(&mut part, &mut clock, watch).ending,
+            Some(chips) => {
+                let start = Instant::now();
+                let (outcome, _) = session.accumulate(&mut part, chips, watch);
+                clock.came[sub_cpis - 1] = Some(start.elapsed());
+                outcome.ending
+            }
+        };
+        match ending {
+            TransferEnd::Complete => {}
+            TransferEnd::Incomplete => return Ok(None),
+            TransferEnd::Failed(error) => return Err(error),
+        }
     }
     let seconds = |came: Option<Duration>| came.map(|came| came.as_secs_f64());
     let [first_s, second_s] = clock.came.map(seconds);

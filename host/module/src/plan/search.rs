@@ -3,8 +3,8 @@
 use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
-use super::module_plan::{ModuleCapacity, ModulePlan};
 use super::choosing::ModuleProduct;
+use super::module_plan::{ModuleCapacity, ModulePlan};
 use super::ram::{RamBudget, image_bytes, least_capacity};
 use super::reach::Reach;
 use crate::image::kernels::{Kernels, bands};
@@ -289,8 +289,7 @@ impl Search<'_> {
                 reach.patch(&setup, centre_m, taps)
             })
             .collect::<Option<_>>()?;
-        let capacity =
-            self.with_rows(least_capacity(&setup, &patches, self.arithmetic), patch)?;
+        let capacity = self.with_rows(least_capacity(&setup, &patches, self.arithmetic), patch)?;
         if usize::from(capacity.doppler_bins) > MAX_ROWS {
             return None;
         }

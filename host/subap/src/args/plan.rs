@@ -8,7 +8,7 @@ use subaperture::radar::PulseShape;
 use subaperture::units::Dimension;
 
 use super::values::{above_zero, any, error_bound, from_zero, output, positive, ram_size};
-use super::{Imaging, Input, Writing};
+use super::{Imaging, Input, Sent, Writing};
 
 /// `subap plan`.
 #[derive(Debug, Group)]
@@ -83,6 +83,10 @@ pub(crate) struct PlanModule {
     /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -66]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
+
+    /// What the module sends, as for link
+    #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
+    pub(crate) send: Sent,
 
     /// Plan for 16-bit fixed point [default: float32]
     #[arg(long)]

@@ -1,5 +1,6 @@
-//! `subap link`: send recordings to the embedded module and store its maps.
+//! `subap link`: send recordings to the embedded module and store its maps or its image.
 
+mod image;
 mod outcome;
 mod picture;
 mod receiving;
@@ -9,6 +10,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::Context;
 use subaperture::io::ours::Kind;
+use subaperture::io::product::{self, Product};
+use subaperture::module::accumulated::check_grid;
 use subaperture::module::link::{self, Buffers, ModuleAddress, Settings};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
@@ -16,17 +19,20 @@ use subaperture_core::link as wire;
 
 use self::receiving::Watching;
 use self::work::{Work, plan};
-use crate::args::Link;
+use crate::args::{Link, Sent};
 use crate::config::Session;
 use crate::failure::Usage;
 
 /// Let the module compute the maps. Maps received are kept in any case.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
-    check_firmware(typed)?;
+    check_options(typed)?;
     typed.input.refuse_several("a module")?;
     let mut claims = session.claims(&typed.writing, &typed.input.files);
-    claims.file(&typed.out, Kind::Maps)?;
+    match typed.send {
+        Sent::Maps => claims.file(&typed.out, Kind::Maps)?,
+        Sent::Image => claims.folder(&typed.out, product::NAMES)?,
+    }
     if let Some(picture) = &typed.picture {
         claims.file(picture, Kind::Picture).context("--picture")?;
     }
@@ -38,6 +44,10 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         None => session.default_grid(&survey)?,
     };
     session.check_grid(&grid, 1)?;
+    if typed.send == Sent::Image {
+        check_grid(&grid).context("--send image")?;
+        Product::prepare(&typed.out, grid.num_pixels())?;
+    }
 
     let verbose = session.verbosity() > 0;
     let mut transport = link::open(&typed.place, typed.firmware.as_deref(), verbose)?;
@@ -59,12 +69,23 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     if typed.rehearsal.dry_run {
         return work.rehearse(&mut module, &job, &mut watch);
     }
-    let run = work.run(&survey.name, &identity, &job)?;
-    work.transfer(&mut module, &run, &mut job, &mut watch, start)
+    match typed.send {
+        Sent::Maps => {
+            let run = work.run(&survey.name, &identity, &job)?;
+            work.transfer(&mut module, &run, &mut job, &mut watch, start)
+        }
+        Sent::Image => work.accumulate(&mut module, &survey, &mut job, &mut watch, start),
+    }
 }
 
-/// Check that a program is given only for an emulated module.
-fn check_firmware(typed: &Link) -> Result<(), Usage> {
+/// Check that a program is given only for an emulated module, and a picture only for maps.
+fn check_options(typed: &Link) -> Result<(), Usage> {
+    if typed.picture.is_some() && typed.send == Sent::Image {
+        return Err(Usage(
+            "--picture shows maps as they arrive; --send image sends none: leave one of both out"
+                .to_owned(),
+        ));
+    }
     if typed.firmware.is_some() && !matches!(typed.place, ModuleAddress::Emulate(_)) {
         let fault = format!(
             "--firmware applies to an emulated module; {} runs its own: leave it out",

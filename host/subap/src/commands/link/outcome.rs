@@ -80,14 +80,22 @@ pub(super) fn report(
         TransferEnd::Failed(LinkError::Cancelled) if maps > 0 => {
             Err(InterruptedWithMaps { maps, path }.into())
         }
-        TransferEnd::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
-        TransferEnd::Failed(error) if maps > 0 => {
+        TransferEnd::Failed(error) if maps > 0 && !matches!(error, LinkError::Cancelled) => {
             bail!(
                 "{}; the {maps} maps received so far are in {path}",
                 advice::with_advice(error)
             )
         }
+        failed @ TransferEnd::Failed(_) => refuse_failure(failed),
+    }
+}
+
+/// Report a failed transfer of which nothing is left.
+pub(super) fn refuse_failure(ending: &TransferEnd) -> anyhow::Result<()> {
+    match ending {
+        TransferEnd::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
         TransferEnd::Failed(error) => bail!("{}", advice::with_advice(error)),
+        TransferEnd::Complete | TransferEnd::Incomplete => Ok(()),
     }
 }
 
@@ -132,7 +140,7 @@ pub(super) fn closing(
 }
 
 /// Ending of a transfer in one word, or its failure.
-fn ending_name(ending: &TransferEnd, some_are_missing: bool) -> String {
+pub(super) fn ending_name(ending: &TransferEnd, some_are_missing: bool) -> String {
     match ending {
         TransferEnd::Complete if !some_are_missing => "complete".to_owned(),
         TransferEnd::Complete | TransferEnd::Incomplete => "incomplete".to_owned(),

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use serde_json::{Map, Value, json};
 use subaperture::geometry::ImageGrid;
+use subaperture::io::npy;
 use subaperture::module::link::{self, HostCore, Identity, Job, PulseSource, Verified};
 use subaperture::module::maps::{Arithmetic, Run};
 use subaperture::module::maps_file as maps;
@@ -18,7 +19,7 @@ use super::outcome::{closing, report};
 use super::picture::Picture;
 use super::receiving::{Keep, Watching};
 use crate::ahead::Ahead;
-use crate::args::Link;
+use crate::args::{Link, Sent};
 use crate::commands::plan::gaps;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::{interrupt, messages};
@@ -39,6 +40,7 @@ pub(super) fn plan(
             wire::Arithmetic::Float => Arithmetic::Float,
             wire::Arithmetic::Fixed => Arithmetic::Fixed,
         },
+        product: typed.send.into(),
     };
     let plan = ModulePlan::new(collection, grid, &requirements)?;
     session.note(1, || {
@@ -54,7 +56,7 @@ pub(super) fn plan(
         session.note(1, || format!("track: {gaps}"));
     }
     let num_maps = num_maps(&plan);
-    if num_maps > MAX_MAPS {
+    if typed.send == Sent::Maps && num_maps > MAX_MAPS {
         bail!(
             "expected at most {MAX_MAPS} maps per file, found {num_maps}: give a smaller --grid, or link the \
              recordings one by one"
@@ -70,11 +72,11 @@ fn num_maps(plan: &ModulePlan) -> u64 {
 
 /// Work of the module.
 pub(super) struct Work<'w> {
-    session: &'w Session,
-    typed: &'w Link,
-    history: &'w dyn PhaseHistory,
-    grid: &'w ImageGrid,
-    plan: &'w ModulePlan,
+    pub(super) session: &'w Session,
+    pub(super) typed: &'w Link,
+    pub(super) history: &'w dyn PhaseHistory,
+    pub(super) grid: &'w ImageGrid,
+    pub(super) plan: &'w ModulePlan,
     /// Weights by frequency; they sum to 1.
     fast_weights: Vec<f32>,
     slow_weights: Vec<f64>,
@@ -126,7 +128,11 @@ impl<'w> Work<'w> {
         watch: &mut Watching,
     ) -> anyhow::Result<()> {
         let Self { typed, plan, .. } = *self;
-        let time = link::rehearse(module, job, self.history, watch)?;
+        let chips = match typed.send {
+            Sent::Maps => None,
+            Sent::Image => Some(self.chips(module.identity())?),
+        };
+        let time = link::rehearse(module, job, self.history, chips.as_deref(), watch)?;
         watch.bar.finish();
         let work = format!(
             "{} maps of {} pulses by the module at {}; retransmissions not included",
@@ -134,7 +140,12 @@ impl<'w> Work<'w> {
             job.pulses.len(),
             typed.place
         );
-        let file_bytes = maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, plan.arithmetic);
+        let file_bytes = match typed.send {
+            Sent::Maps => {
+                maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, plan.arithmetic)
+            }
+            Sent::Image => npy::file_bytes(self.grid.num_pixels()),
+        };
         let picture_bytes = match &typed.picture {
             Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),
             None => 0,

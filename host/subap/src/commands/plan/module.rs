@@ -28,6 +28,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         } else {
             Arithmetic::Float
         },
+        product: typed.send.into(),
     };
     let planning = session.progress("planning");
     let plan = ModulePlan::new(history.collection(), &grid, &requirements)?;
