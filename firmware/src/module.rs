@@ -3,7 +3,7 @@
 use subaperture_core::Complex32;
 use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::Column;
-use subaperture_core::link::{max_frame_bytes, max_received_bytes};
+use subaperture_core::link::{CHIP_PART_PIXELS, max_frame_bytes, max_received_bytes};
 use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{PulseStores, SubCpiProcessor};
 use subaperture_core::sweep::Profiler;
@@ -64,6 +64,11 @@ static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
 static CHIPS: Placed<[Chip; PATCHES]> = Placed::new([Chip::EMPTY; PATCHES]);
 static ACCUMULATED: Placed<[u8; SUB_CPIS / 8]> = Placed::new([0; SUB_CPIS / 8]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
+
+const _: () = assert!(
+    FREQUENCIES >= CHIP_PART_PIXELS,
+    "the row buffer holds a part of a chip"
+);
 
 /// Create the endpoint on all of the module's buffers. `None` if they were taken before.
 pub fn endpoint(kernel: &ChipKernel) -> Option<Endpoint<'_, Engine<'_>>> {

@@ -5,7 +5,10 @@ use core::ops::Range;
 use subaperture_core::Complex32;
 use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
-use subaperture_core::link::{ChipGrid, ImageCapacity, MAX_ACCUMULATED_BYTES, Refusal};
+use subaperture_core::link::{
+    CHIP_PART_PIXELS, ChipGrid, Encoding, ImageCapacity, MAX_ACCUMULATED_BYTES, Refusal,
+    write_pixels,
+};
 use subaperture_core::stream::{MapHeader, PatchMap, Setup};
 
 /// Maximum number of detections per map.
@@ -50,15 +53,16 @@ impl Chip {
         left_out: 0,
     };
 
-    fn num_pixels(&self) -> u32 {
-        u32::from(self.grid.num_columns) * u32::from(self.grid.num_rows)
-    }
-
     /// Range of the pixels of a row.
     fn row_pixels(&self, row: u16) -> Option<Range<usize>> {
         let columns = usize::from(self.grid.num_columns);
         let first = self.first_pixel as usize + usize::from(row) * columns;
         (row < self.grid.num_rows).then_some(first..first + columns)
+    }
+
+    /// Number of parts in which the chip is sent.
+    pub(crate) fn num_parts(&self) -> u16 {
+        self.grid.num_pixels().div_ceil(CHIP_PART_PIXELS) as u16
     }
 }
 
@@ -149,13 +153,8 @@ impl<'a> Products<'a> {
         byte.is_some_and(|byte| byte >> (sub_cpi % 8) & 1 == 1)
     }
 
-    /// Set the chip of the next patch, or the same chip again. Rows of more than `most_columns` pixels could not be sent.
-    pub(crate) fn set_chip(
-        &mut self,
-        grid: &ChipGrid,
-        most_columns: usize,
-        sub_cpis: u32,
-    ) -> Result<(), Refusal> {
+    /// Set the chip of the next patch, or the same chip again.
+    pub(crate) fn set_chip(&mut self, grid: &ChipGrid, sub_cpis: u32) -> Result<(), Refusal> {
         let (index, capacity) = (usize::from(grid.patch), self.capacity());
         if self
             .chips()
@@ -173,25 +172,19 @@ impl<'a> Products<'a> {
                 most: capacity.sub_cpis,
             });
         }
-        let first_pixel = self.chips().iter().map(Chip::num_pixels).sum();
-        let chip = Chip {
-            grid: *grid,
-            first_pixel,
-            left_out: 0,
-        };
-        let wanted = first_pixel.saturating_add(chip.num_pixels());
-        if chip.num_pixels() == 0 || wanted > capacity.pixels {
+        let before: usize = self.chips().iter().map(|chip| chip.grid.num_pixels()).sum();
+        let wanted = before.saturating_add(grid.num_pixels());
+        if wanted == before || wanted > self.buffers.pixels.len() {
             return Err(Refusal::Chip {
-                wanted,
+                wanted: wanted as u32,
                 most: capacity.pixels,
             });
         }
-        if usize::from(grid.num_columns) > most_columns {
-            return Err(Refusal::Chip {
-                wanted: grid.num_columns.into(),
-                most: most_columns as u32,
-            });
-        }
+        let chip = Chip {
+            grid: *grid,
+            first_pixel: before as u32,
+            left_out: 0,
+        };
         if let Some(place) = self.buffers.chips.get_mut(index) {
             *place = chip;
             self.num_chips = index.saturating_add(1);
@@ -290,27 +283,23 @@ impl<'a> Products<'a> {
         Some(())
     }
 
-    /// Encode a row of a chip into `out`, normalised by the weights.
-    pub(crate) fn chip_row<'b>(
+    /// Encode a part of a chip into `out`, normalised by the weights.
+    pub(crate) fn chip_part<'b>(
         &self,
         chip: &Chip,
-        row: u16,
+        part: u16,
+        encoding: Encoding,
         out: &'b mut [u8],
     ) -> Option<&'b [u8]> {
-        let pixels = self.buffers.pixels.get(chip.row_pixels(row)?)?;
+        let first = chip.first_pixel as usize;
+        let pixels = self.buffers.pixels.get(first..)?;
+        let pixels = pixels.get(..chip.grid.num_pixels())?;
+        let pixels = pixels.chunks(CHIP_PART_PIXELS).nth(part.into())?;
         let scale = if self.weight_sum > 0.0 {
             1.0 / self.weight_sum
         } else {
             0.0
         };
-        let places = out.get_mut(..8 * pixels.len())?;
-        for (place, pixel) in places.as_chunks_mut().0.iter_mut().zip(pixels) {
-            let ([a, b, c, d], [e, f, g, h]) = (
-                (pixel.re * scale).to_le_bytes(),
-                (pixel.im * scale).to_le_bytes(),
-            );
-            *place = [a, b, c, d, e, f, g, h];
-        }
-        Some(places)
+        write_pixels(encoding, pixels, scale, out)
     }
 }

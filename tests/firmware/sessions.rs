@@ -16,7 +16,9 @@ use subaperture::monitor::Silent;
 use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::firmware::{Build, build};
-use subaperture_tests::link_scene::{Keep, Kept, MAPS, PULSES, job, judge, recorded, scene};
+use subaperture_tests::link_scene::{
+    CHIPS, Keep, Kept, MAPS, PULSES, image_scene, job, judge, judge_image, recorded, scene,
+};
 
 fn settings(retries: u32) -> Settings {
     Settings {
@@ -336,6 +338,52 @@ fn all_faults_together_still_deliver_every_map() {
     let mut module = module(Wire::Tcp, Begin::Power, faults);
     let (outcome, _) = session(&mut module, settings(200));
     complete(&outcome);
+}
+
+/// Let the module accumulate the image of the scene; asserts that every received pixel is correct and the image complete.
+fn image(faults: Faults, begin: Begin, retries: u32) -> Outcome {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut work = job(&scene, &recording, Encoding::Complex32);
+    let mut module = module(Wire::Tcp, begin, faults);
+    let mut buffers = Buffers::new();
+    let mut session =
+        Session::open(&mut module, &mut buffers, settings(retries), &mut Silent).unwrap();
+    let (outcome, image) = session.accumulate(&mut work, &CHIPS, &mut Silent);
+    println!("{}", outcome.counts);
+    judge_image(&image);
+    complete(&outcome);
+    assert_eq!(image.sub_cpis.len(), MAPS / CHIPS.len());
+    assert!(image.chips.iter().all(Option::is_some));
+    outcome
+}
+
+#[test]
+fn image_survives_bit_errors_and_failures_of_the_line() {
+    let faults = Faults {
+        seed: 31,
+        bit_errors: 5e-5,
+        dies_at: vec![4_000, 8_000],
+        ..Faults::default()
+    };
+    let outcome = image(faults, Begin::Reset, 200);
+    assert_eq!(outcome.counts.restarts, 0, "{outcome:?}");
+    assert!(outcome.counts.reconnects >= 2, "{outcome:?}");
+}
+
+#[test]
+fn image_is_accumulated_again_after_a_reset_and_a_power_loss() {
+    for begin in [Begin::Reset, Begin::Power] {
+        let faults = Faults {
+            restarts_at: vec![6_000],
+            ..Faults::default()
+        };
+        let outcome = image(faults, begin, 3);
+        assert!(
+            outcome.counts.restarts + outcome.counts.reconnects >= 1,
+            "{outcome:?}"
+        );
+    }
 }
 
 /// A self-test ends the emulator by semihosting, as a program could also use it to read a file or start a program. In an emulator started

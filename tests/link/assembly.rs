@@ -1,8 +1,9 @@
 //! Reassembly of maps and chips from reports: complete and unchanged, or counted as lost.
 
+use subaperture_core::Complex32;
 use subaperture_core::link::{
     AssembledMap, ChipAssembly, ChipGrid, Encoding, LossCause, MapAssembly, Report,
-    TransferChecksum, complex32s, row_bytes,
+    TransferChecksum, row_bytes, write_pixels,
 };
 use subaperture_core::stream::{MapHeader, Node, Patch};
 
@@ -248,21 +249,29 @@ fn checksum_matches_description() {
     assert_eq!(checksum.value(), crc32fast::hash(&bytes));
 }
 
-#[test]
-fn chips_are_complete_or_lost() {
+/// Chip of 160 pixels: two whole parts and one of 32 pixels.
+fn check_chip(encoding: Encoding) {
     let grid = ChipGrid {
         patch: 0,
         origin_m: [1.0, 2.0, 3.0],
         column_step_m: [0.5, 0.0, 0.0],
         row_step_m: [0.0, 0.5, 0.0],
-        num_columns: 4,
-        num_rows: 3,
+        num_columns: 20,
+        num_rows: 8,
     };
-    let rows: Vec<Vec<u8>> = (0..3)
-        .map(|row| (0..32).map(|i| 9 * row + i).collect())
+    let pixels: Vec<Complex32> = (0..160)
+        .map(|i| Complex32::cis(i as f32) * 1.03f32.powi(i))
+        .collect();
+    let mut buffer = [0; 8 * 64];
+    let parts: Vec<Vec<u8>> = pixels
+        .chunks(64)
+        .map(|part| {
+            let bytes = write_pixels(encoding, part, 2.0, &mut buffer);
+            bytes.expect("room for a part").to_vec()
+        })
         .collect();
     let mut checksum = TransferChecksum::new(&grid);
-    rows.iter().for_each(|row| checksum.add_row(row));
+    parts.iter().for_each(|part| checksum.add_row(part));
     let reports = |chip| {
         let mut all = vec![Report::ChipStart {
             chip,
@@ -270,31 +279,38 @@ fn chips_are_complete_or_lost() {
             maps: 7,
             weight_sum: 448.0,
             left_out: 0,
+            encoding,
         }];
-        all.extend(
-            rows.iter()
-                .enumerate()
-                .map(|(row, samples)| Report::ChipRow {
-                    chip,
-                    row: row as u16,
-                    samples,
-                }),
-        );
+        all.extend((0..).zip(&parts).map(|(part, samples)| Report::ChipPart {
+            chip,
+            part,
+            samples,
+        }));
         all.push(Report::ChipEnd {
             chip,
-            rows: 3,
+            parts: 3,
             crc: checksum.value(),
         });
         all
     };
-    let mut buffer = [0; 96];
+    let mut buffer = [0; 8 * 160];
     let mut assembly = ChipAssembly::new(&mut buffer);
     for (number, report) in reports(0).iter().enumerate() {
         let chip = assembly.take(report).expect("the reports are complete");
         assert_eq!(chip.is_some(), number == 4);
         if let Some(chip) = chip {
             assert_eq!((chip.grid, chip.maps, chip.weight_sum), (grid, 7, 448.0));
-            assert!(complex32s(chip.bytes).eq(complex32s(&rows.concat())));
+            let received: Vec<Complex32> = chip.pixels().collect();
+            assert_eq!(received.len(), 160);
+            for (i, (z, pixel)) in received.iter().zip(&pixels).enumerate() {
+                let last = 2.0 * 1.03f32.powi((i as i32 / 32) * 32 + 31);
+                // Half a unit of 2^-15 of at most twice the block's largest part, in each part.
+                let most = match encoding {
+                    Encoding::Complex32 => 0.0,
+                    Encoding::Sc16 => 1.5 * last / 32768.0,
+                };
+                assert!((z - pixel * 2.0).norm() <= most, "{i}: {z} {pixel}");
+            }
         }
     }
     for missing in 0..5 {
@@ -314,4 +330,28 @@ fn chips_are_complete_or_lost() {
         let _ = assembly.take(&report);
     }
     assert_eq!((assembly.complete(), assembly.lost()), (1, 2));
+}
+
+#[test]
+fn chips_are_complete_or_lost() {
+    check_chip(Encoding::Complex32);
+    check_chip(Encoding::Sc16);
+}
+
+/// The largest part of a block keeps 15 bits at any level, and zeros stay zeros.
+#[test]
+fn pixels_in_16_bits_keep_their_relative_precision() {
+    let mut buffer = [0; 8];
+    for exponent in -120..120 {
+        for mantissa in [1.0f32, 1.5, 1.999_99, 2.0 - f32::EPSILON] {
+            let value = mantissa * 2f32.powi(exponent);
+            let pixel = Complex32::new(-value, value / 3.0);
+            let bytes = write_pixels(Encoding::Sc16, &[pixel], 1.0, &mut buffer).unwrap();
+            let row = subaperture_core::link::Row::new(Encoding::Sc16, 1, bytes).unwrap();
+            let back = row.values().next().unwrap();
+            assert!((back - pixel).norm() <= value / 16384.0, "{pixel} {back}");
+        }
+    }
+    let bytes = write_pixels(Encoding::Sc16, &[Complex32::ZERO], 1.0, &mut buffer);
+    assert_eq!(bytes, Some(&[0; 5][..]));
 }

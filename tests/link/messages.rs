@@ -249,7 +249,7 @@ fn longest_messages_fit_stated_sizes() {
         matches!(
             report,
             Report::MapRow { .. }
-                | Report::ChipRow { .. }
+                | Report::ChipPart { .. }
                 | Report::ProfileRow { .. }
                 | Report::Accumulated { .. }
         ) || matches!(report, Report::Detections { list, .. } if list.len() > 160)

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 use subaperture_core::Pulse;
-use subaperture_core::accumulate::Kernel;
+use subaperture_core::accumulate::{ChipKernel, Kernel};
 use subaperture_core::stream::{Node, nodes};
 
 /// Worst and RMS error of interpolating `exp(j 2 pi nu x)`, `|nu| <= 1/4`, anywhere between two bins.
@@ -63,6 +63,9 @@ fn kernel_errors_match_stated_figures() {
         assert!(worst < worst_bound && rms < rms_bound);
         assert!((rms - theory).abs() < 3.0);
     }
+    let (worst, rms) = error_db(|t| ChipKernel::new().weights(t));
+    println!("chip kernel: worst {worst:.1} dB, RMS {rms:.1} dB");
+    assert!(rms < -79.7);
     let (worst, rms) = error_db(|t| [1.0 - t, t]);
     println!("bilinear, one axis: worst {worst:.1} dB, RMS {rms:.1} dB");
     // Midway between two bins cos(pi / 4) results instead of 1.

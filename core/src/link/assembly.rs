@@ -18,7 +18,9 @@ use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
 use super::frame::CRC;
-use super::{ChipGrid, Encoding, Report, Row, row_bytes};
+use num_complex::Complex32;
+
+use super::{CHIP_PART_PIXELS, ChipGrid, Encoding, Report, Row, row_bytes};
 use crate::stream::MapHeader;
 
 /// Checksum of a transfer: CRC-32/ISO-HDLC over the postcard encoding of the header (a [`MapHeader`] or a
@@ -120,8 +122,30 @@ struct Open<T> {
     checksum: TransferChecksum,
     rows: usize,
     row_bytes: usize,
+    /// Bytes of all rows: the last one may be shorter.
+    total_bytes: usize,
     rows_done: usize,
     len: usize,
+}
+
+/// Rows of a transfer: their number, the bytes of each except the last, and of all.
+#[derive(Clone, Copy)]
+pub(super) struct Rows {
+    pub(super) count: usize,
+    pub(super) row_bytes: usize,
+    pub(super) total_bytes: usize,
+}
+
+impl Rows {
+    /// Rows of equal length. `None` on overflow.
+    pub(super) fn equal(count: usize, row_bytes: Option<usize>) -> Option<Self> {
+        let row_bytes = row_bytes?;
+        Some(Self {
+            count,
+            row_bytes,
+            total_bytes: row_bytes.checked_mul(count)?,
+        })
+    }
 }
 
 impl<'b, T: Copy> Transfer<'b, T> {
@@ -163,8 +187,7 @@ impl<'b, T: Copy> Transfer<'b, T> {
         number: u32,
         subject: T,
         checksum: TransferChecksum,
-        rows: usize,
-        row_bytes: Option<usize>,
+        rows: Option<Rows>,
     ) -> Result<(), Loss> {
         if !self.advance_to(number) {
             return Ok(());
@@ -172,18 +195,15 @@ impl<'b, T: Copy> Transfer<'b, T> {
         if self.open.is_some() {
             return self.fail(LossCause::Rows);
         }
-        let total = row_bytes.and_then(|bytes| bytes.checked_mul(rows));
-        let (Some(row_bytes), true) = (
-            row_bytes,
-            total.is_some_and(|total| total <= self.buffer.len()),
-        ) else {
+        let Some(rows) = rows.filter(|rows| rows.total_bytes <= self.buffer.len()) else {
             return self.fail(LossCause::Room);
         };
         self.open = Some(Open {
             subject,
             checksum,
-            rows,
-            row_bytes,
+            rows: rows.count,
+            row_bytes: rows.row_bytes,
+            total_bytes: rows.total_bytes,
             rows_done: 0,
             len: 0,
         });
@@ -200,7 +220,8 @@ impl<'b, T: Copy> Transfer<'b, T> {
         if usize::from(row) != open.rows_done || open.rows_done >= open.rows {
             return self.fail(LossCause::Rows);
         }
-        if samples.len() != open.row_bytes {
+        let rest = open.total_bytes.saturating_sub(open.len);
+        if samples.len() != open.row_bytes.min(rest) {
             return self.fail(LossCause::Length);
         }
         let end = open.len.saturating_add(samples.len());
@@ -324,8 +345,8 @@ impl<'b> MapAssembly<'b> {
                 let row_bytes = row_bytes(encoding, patch.num_range_bins());
                 let checksum = TransferChecksum::new(&header);
                 let rows = patch.num_doppler_bins();
-                self.0
-                    .start(map, (header, encoding), checksum, rows, row_bytes)?;
+                let rows = Rows::equal(rows, row_bytes);
+                self.0.start(map, (header, encoding), checksum, rows)?;
                 Ok(None)
             }
             Report::MapRow { map, row, samples } => {
@@ -395,8 +416,38 @@ pub struct AssembledChip<'s> {
     pub weight_sum: f32,
     /// Number of contributions left out because the pixel lies outside the map.
     pub left_out: u32,
-    /// Pixels ([`super::complex32s`]), row-major.
+    /// Encoding of the pixels.
+    pub encoding: Encoding,
+    /// Pixels as received.
     pub bytes: &'s [u8],
+}
+
+impl<'s> AssembledChip<'s> {
+    /// Pixels, row-major.
+    pub fn pixels(&self) -> impl Iterator<Item = Complex32> + 's {
+        let (encoding, pixels) = (self.encoding, self.grid.num_pixels());
+        let len = row_bytes(encoding, CHIP_PART_PIXELS).unwrap_or(usize::MAX);
+        let parts = self.bytes.chunks(len).enumerate();
+        parts
+            .filter_map(move |(part, bytes)| {
+                let before = part.checked_mul(CHIP_PART_PIXELS)?;
+                let width = pixels.checked_sub(before)?.min(CHIP_PART_PIXELS);
+                Row::new(encoding, width, bytes)
+            })
+            .flat_map(|row| row.values())
+    }
+}
+
+/// Parts of a chip of this many pixels.
+fn chip_parts(encoding: Encoding, pixels: usize) -> Option<Rows> {
+    let last = pixels % CHIP_PART_PIXELS;
+    let row_bytes = row_bytes(encoding, CHIP_PART_PIXELS)?;
+    let whole = row_bytes.checked_mul(pixels / CHIP_PART_PIXELS)?;
+    Some(Rows {
+        count: pixels.div_ceil(CHIP_PART_PIXELS),
+        row_bytes,
+        total_bytes: whole.checked_add(super::row_bytes(encoding, last)?)?,
+    })
 }
 
 impl<'b> ChipAssembly<'b> {
@@ -417,8 +468,8 @@ impl<'b> ChipAssembly<'b> {
                 maps,
                 weight_sum,
                 left_out,
+                encoding,
             } => {
-                let row_bytes = row_bytes(Encoding::Complex32, grid.num_columns.into());
                 let checksum = TransferChecksum::new(&grid);
                 let subject = AssembledChip {
                     chip,
@@ -426,18 +477,23 @@ impl<'b> ChipAssembly<'b> {
                     maps,
                     weight_sum,
                     left_out,
+                    encoding,
                     bytes: &[],
                 };
-                self.0
-                    .start(chip, subject, checksum, grid.num_rows.into(), row_bytes)?;
+                let rows = chip_parts(encoding, grid.num_pixels());
+                self.0.start(chip, subject, checksum, rows)?;
                 Ok(None)
             }
-            Report::ChipRow { chip, row, samples } => {
-                self.0.row(chip, row, samples)?;
+            Report::ChipPart {
+                chip,
+                part,
+                samples,
+            } => {
+                self.0.row(chip, part, samples)?;
                 Ok(None)
             }
-            Report::ChipEnd { chip, rows, crc } => {
-                let whole = self.0.end(chip, rows, crc)?;
+            Report::ChipEnd { chip, parts, crc } => {
+                let whole = self.0.end(chip, parts, crc)?;
                 Ok(whole.map(|(subject, bytes)| AssembledChip { bytes, ..subject }))
             }
             _ => Ok(None),

@@ -197,3 +197,10 @@ pub struct ChipGrid {
     /// Number of rows.
     pub num_rows: u16,
 }
+
+impl ChipGrid {
+    /// Number of pixels.
+    pub fn num_pixels(&self) -> usize {
+        usize::from(self.num_columns).saturating_mul(self.num_rows.into())
+    }
+}

@@ -69,9 +69,9 @@
 //! | 2 | `MapStart` | map `u32`, header, encoding |
 //! | 3 | `MapRow` | map `u32`, row `u16`, samples `bytes` |
 //! | 4 | `MapEnd` | map `u32`, rows `u16`, crc `u32` |
-//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32`, left out `u32` |
-//! | 6 | `ChipRow` | chip `u32`, row `u16`, samples `bytes` (8 each) |
-//! | 7 | `ChipEnd` | chip `u32`, rows `u16`, crc `u32` |
+//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32`, left out `u32`, encoding |
+//! | 6 | `ChipPart` | chip `u32`, part `u16`, samples `bytes` |
+//! | 7 | `ChipEnd` | chip `u32`, parts `u16`, crc `u32` |
 //! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
 //! | 9 | `Refused` | sequence `u32`, refusal |
 //! | 10 | `Log` | text `text` |
@@ -114,7 +114,10 @@
 //! A map row has `2 range_reach + 1` samples in ascending order. In `Sc16` they are mantissas, followed by one signed
 //! byte per 32 samples or part thereof: the exponent of two that scales these mantissas. A map has
 //! `2 doppler_reach + 1` rows in ascending order. The `crc` of an end message is CRC-32/ISO-HDLC of the header's
-//! bytes (for a chip: the grid's) followed by the `samples` of all rows.
+//! bytes (for a chip: the grid's) followed by the `samples` of all rows or parts.
+//!
+//! A chip's pixels are row-major. Every part has 64 pixels, the last one the rest, encoded as a map row of as many
+//! samples.
 //!
 //! # Conversation
 //! ```text
@@ -132,7 +135,7 @@
 //!                                                <-   Status: Finishing; the last maps
 //!                                                <-   Status: Done
 //! Accumulated, SendChip                          ->
-//!                                                <-   Accumulated, ChipStart ChipRow ... ChipEnd
+//!                                                <-   Accumulated, ChipStart ChipPart ... ChipEnd
 //! ```
 //!
 //! - `Hello` is answered by `Identity`. Commands for which no other answer is named here are answered by `Status`, or by `Refused`
@@ -156,7 +159,7 @@
 //!   sub-CPI that was already added is not added again, an incomplete one is not added, and an `Abort` first completes a
 //!   sub-CPI that some chips contain: the run is over when `Status` says so. `Accumulated` is answered by the list of
 //!   the sub-CPIs added, from which the host knows what to repeat. `SendChip` between runs is answered by `ChipStart`,
-//!   `ChipRow` and `ChipEnd`. A host that does not receive all of them repeats it. `Configure` discards the chips.
+//!   `ChipPart` and `ChipEnd`. A host that does not receive all of them repeats it. `Configure` discards the chips.
 //! - Maps are not retransmitted. An incomplete map is lost and the rest of the run is not affected. The last `Status`
 //!   of the run states the number of maps.
 //! - A host that drops a frame as [`Damage::Repeated`] sends `Hello`: the module has restarted.
@@ -194,9 +197,9 @@ pub use report::{
     ProfileHeader, Refusal, Report, State, Status,
 };
 pub use samples::{
-    DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections, f32s, pairs,
-    places, row_bytes, sc16s, write_block_row, write_complex32s, write_detections, write_f32s,
-    write_map_row, write_pairs, write_places, write_sc16s,
+    CHIP_PART_PIXELS, DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections,
+    f32s, pairs, places, row_bytes, sc16s, write_block_row, write_complex32s, write_detections,
+    write_f32s, write_map_row, write_pairs, write_pixels, write_places, write_sc16s,
 };
 
 /// Serialise bytes in one piece. serde would serialise a slice element by element, to the same bytes.

@@ -2,7 +2,7 @@
 
 use num_complex::Complex32;
 
-use super::assembly::Transfer;
+use super::assembly::{Rows, Transfer};
 use super::{Encoding, Loss, ProfileHeader, Report, TransferChecksum, complex32s, row_bytes};
 
 /// Reassembly of range profiles.
@@ -35,8 +35,8 @@ impl<'b> ProfileAssembly<'b> {
             Report::ProfileStart { profile, header } => {
                 let row_bytes = row_bytes(Encoding::Complex32, header.row_bins.into());
                 let checksum = TransferChecksum::new(&header);
-                let rows = header.num_rows().into();
-                self.0.start(profile, header, checksum, rows, row_bytes)?;
+                let rows = Rows::equal(header.num_rows().into(), row_bytes);
+                self.0.start(profile, header, checksum, rows)?;
                 Ok(None)
             }
             Report::ProfileRow {

@@ -75,14 +75,17 @@ pub enum Report<'a> {
         weight_sum: f32,
         /// Number of contributions left out because the pixel lies outside the map: 0 if the patch contains the chip.
         left_out: u32,
+        /// Encoding of the pixels.
+        encoding: Encoding,
     },
-    /// Next row of the chip.
-    ChipRow {
+    /// Next pixels of the chip, row-major.
+    ChipPart {
         /// Number of the chip.
         chip: u32,
-        /// Row index from 0.
-        row: u16,
-        /// Pixels of the row in [`Encoding::Complex32`].
+        /// Part index from 0.
+        part: u16,
+        /// [`super::CHIP_PART_PIXELS`] pixels, fewer in the last part, followed by the exponents in [`Encoding::Sc16`]
+        /// ([`super::Row`]).
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
@@ -90,9 +93,9 @@ pub enum Report<'a> {
     ChipEnd {
         /// Number of the chip.
         chip: u32,
-        /// Number of rows sent.
-        rows: u16,
-        /// [`super::TransferChecksum`] of grid and rows.
+        /// Number of parts sent.
+        parts: u16,
+        /// [`super::TransferChecksum`] of grid and parts.
         crc: u32,
     },
     /// Detections on a map, split over several frames.
@@ -327,7 +330,7 @@ pub enum Refusal {
         /// Received number of sample bytes.
         got: u32,
     },
-    /// The chip has no pixels, or all chips have more pixels, or the chip has more per row, than the module can hold.
+    /// The chip has no pixels, or all chips together have more than the module can hold.
     Chip {
         /// Requested number of pixels.
         wanted: u32,
@@ -380,7 +383,7 @@ impl fmt::Display for Refusal {
             Self::Chip { wanted, most } => {
                 write!(
                     f,
-                    "chip pixels, in total or per row: expected 1 to {most}, found {wanted}"
+                    "chip pixels: expected 1 to {most} in all chips, found {wanted}"
                 )
             }
             Self::Detect => f.write_str(

@@ -184,7 +184,7 @@ impl<'a> Row<'a> {
     }
 
     /// Values in ascending range order; exact for either encoding.
-    pub fn values(&self) -> impl Iterator<Item = Complex32> + Clone + 'a {
+    pub fn values(&self) -> impl Iterator<Item = Complex32> + Clone + use<'a> {
         // One of the two is empty.
         let (floats, mantissas) = match self.encoding {
             Encoding::Complex32 => (self.samples, [].as_slice()),
@@ -197,6 +197,62 @@ impl<'a> Row<'a> {
         let scaled = sc16s(mantissas).zip(scales);
         complex32s(floats).chain(scaled.map(|(mantissa, scale)| mantissa.to_complex32() * scale))
     }
+}
+
+/// Number of pixels of every part of an image chip except the last.
+pub const CHIP_PART_PIXELS: usize = 64;
+
+/// Write `scale` times some pixels of an image chip. In [`Encoding::Sc16`] each block of 32 has the smallest exponent of two
+/// that holds its largest part, so a pixel is rounded to `2^-15` of that part. `None` if the buffer is too short.
+pub fn write_pixels<'b>(
+    encoding: Encoding,
+    pixels: &[Complex32],
+    scale: f32,
+    buffer: &'b mut [u8],
+) -> Option<&'b [u8]> {
+    let places = buffer.get_mut(..row_bytes(encoding, pixels.len())?)?;
+    let (samples, exponents) =
+        places.split_at_mut_checked(pixels.len().checked_mul(encoding.sample_bytes())?)?;
+    let scaled = |pixel: &Complex32| Complex32::new(pixel.re * scale, pixel.im * scale);
+    match encoding {
+        Encoding::Complex32 => {
+            for (place, pixel) in samples.as_chunks_mut().0.iter_mut().zip(pixels) {
+                let z = scaled(pixel);
+                let ([a, b, c, d], [e, f, g, h]) = (z.re.to_le_bytes(), z.im.to_le_bytes());
+                *place = [a, b, c, d, e, f, g, h];
+            }
+        }
+        Encoding::Sc16 => {
+            let bytes = 4 * BlockFloat::BLOCK;
+            let blocks = samples.chunks_mut(bytes).zip(exponents);
+            for ((samples, exponent), pixels) in blocks.zip(pixels.chunks(BlockFloat::BLOCK)) {
+                let parts = pixels.iter().map(scaled).flat_map(|z| [z.re, z.im]);
+                let power = exponent_of(parts.map(libm::fabsf).fold(0.0, f32::max));
+                *exponent = power.to_le_bytes()[0];
+                let inverse = power_of_two(power.saturating_neg());
+                for (place, pixel) in samples.as_chunks_mut().0.iter_mut().zip(pixels) {
+                    let (z, _) = Sc16::from_complex32(scaled(pixel) * inverse);
+                    let ([a, b], [c, d]) = (z.re.to_le_bytes(), z.im.to_le_bytes());
+                    *place = [a, b, c, d];
+                }
+            }
+        }
+    }
+    Some(places)
+}
+
+/// Smallest exponent of two by which `largest` becomes a part in `[0, 1)` that does not round to 1.
+fn exponent_of(largest: f32) -> i8 {
+    if largest == 0.0 || !largest.is_finite() {
+        return 0;
+    }
+    let (fraction, exponent) = libm::frexpf(largest);
+    let exponent = if libm::roundf(fraction * 32768.0) < 32768.0 {
+        exponent
+    } else {
+        exponent.saturating_add(1)
+    };
+    exponent.clamp(-126, 126) as i8
 }
 
 /// Maximum number of detections per frame.

@@ -54,9 +54,8 @@ impl<E: WireEngine> Module<'_, E> {
                 Ok(())
             }
             Command::Chip(grid) => {
-                let columns = self.row.len() / link::Encoding::Complex32.sample_bytes();
                 let sub_cpis = self.sub_cpis();
-                self.add_product(|products| products.set_chip(&grid, columns, sub_cpis))
+                self.add_product(|products| products.set_chip(&grid, sub_cpis))
             }
             Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
             Command::Motion(configuration) => self.configure_increments(&configuration),

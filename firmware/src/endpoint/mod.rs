@@ -56,7 +56,8 @@ pub struct LinkBuffers<'a> {
     pub received: &'a mut [u8],
     /// Encoded frame to send: [`max_frame_bytes`](subaperture_core::link::max_frame_bytes) of the longest row.
     pub frame: &'a mut [u8],
-    /// Samples of one row, 8 bytes each.
+    /// Samples of one row, 8 bytes each, at least those of [`CHIP_PART_PIXELS`](subaperture_core::link::CHIP_PART_PIXELS) pixels
+    /// where images are accumulated.
     pub row: &'a mut [u8],
 }
 

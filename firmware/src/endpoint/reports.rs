@@ -88,7 +88,7 @@ impl<E: WireEngine> Module<'_, E> {
                 self.next_of_map(transfer)
             }
             Transfer::Detections(first) => self.next_detections(first),
-            Transfer::ChipStart | Transfer::ChipRow { .. } | Transfer::ChipEnd { .. } => {
+            Transfer::ChipStart | Transfer::ChipPart { .. } | Transfer::ChipEnd { .. } => {
                 self.next_of_chip(transfer)
             }
             Transfer::ProfileStart | Transfer::ProfileRow { .. } | Transfer::ProfileEnd { .. } => {
@@ -175,27 +175,28 @@ impl<E: WireEngine> Module<'_, E> {
             return Transfer::Nothing;
         };
         let number = self.chips_requested.wrapping_sub(1);
-        let rows = chip.grid.num_rows;
+        let parts = chip.num_parts();
         match transfer {
-            Transfer::ChipRow { row, mut checksum } => {
-                if let Some(samples) = self.products.chip_row(chip, row, self.row) {
+            Transfer::ChipPart { part, mut checksum } => {
+                let products = &self.products;
+                if let Some(samples) = products.chip_part(chip, part, E::MAP_ENCODING, self.row) {
                     checksum.add_row(samples);
-                    let report = Report::ChipRow {
+                    let report = Report::ChipPart {
                         chip: number,
-                        row,
+                        part,
                         samples,
                     };
                     self.pending = send(&mut self.encoder, self.frame, &report);
                 }
-                match row.wrapping_add(1) {
-                    row if row < rows => Transfer::ChipRow { row, checksum },
+                match part.wrapping_add(1) {
+                    part if part < parts => Transfer::ChipPart { part, checksum },
                     _ => Transfer::ChipEnd { checksum },
                 }
             }
             Transfer::ChipEnd { checksum } => {
                 let report = Report::ChipEnd {
                     chip: number,
-                    rows,
+                    parts,
                     crc: checksum.value(),
                 };
                 self.pending = send(&mut self.encoder, self.frame, &report);
@@ -208,10 +209,11 @@ impl<E: WireEngine> Module<'_, E> {
                     maps: self.products.sub_cpis,
                     weight_sum: self.products.weight_sum,
                     left_out: chip.left_out,
+                    encoding: E::MAP_ENCODING,
                 };
                 self.pending = send(&mut self.encoder, self.frame, &report);
                 let checksum = TransferChecksum::new(&chip.grid);
-                Transfer::ChipRow { row: 0, checksum }
+                Transfer::ChipPart { part: 0, checksum }
             }
         }
     }

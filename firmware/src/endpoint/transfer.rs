@@ -19,8 +19,8 @@ pub(super) enum Transfer {
     /// Detections of the last map sent, from this index on.
     Detections(usize),
     ChipStart,
-    ChipRow {
-        row: u16,
+    ChipPart {
+        part: u16,
         checksum: TransferChecksum,
     },
     ChipEnd {

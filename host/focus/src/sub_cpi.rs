@@ -150,8 +150,17 @@ impl SubCpi {
 
     /// Path offset `a`, metres, and rate `b`, metres per pulse, of a point.
     pub fn line(&self, datum: &Datum, point: DVec3) -> (f64, f64) {
-        let early = self.nodes[0].path_m(point) - datum.0[0];
-        let late = self.nodes[1].path_m(point) - datum.0[1];
+        self.line_through(self.nodes.map(|node| node.path_m(point)), datum.0)
+    }
+
+    /// Whole path in the middle, metres, and its rate, metres per pulse, of one point.
+    pub fn path_and_rate(&self, point: DVec3) -> (f64, f64) {
+        self.line_through(self.nodes.map(|node| node.path_m(point)), [0.0; 2])
+    }
+
+    fn line_through(&self, paths_m: [f64; 2], datum_m: [f64; 2]) -> (f64, f64) {
+        let early = paths_m[0] - datum_m[0];
+        let late = paths_m[1] - datum_m[1];
         let rate = if self.half_spacing != 0.0 {
             (late - early) / (2.0 * self.half_spacing)
         } else {

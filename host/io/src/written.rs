@@ -35,6 +35,8 @@ pub enum FileKind {
     Calibration,
     /// Range-Doppler maps of an embedded module.
     Maps,
+    /// Targets detected by an embedded module, CSV.
+    Detections,
     /// Plan of an image, executed by any computer.
     Plan,
     /// Timing model of a computer.

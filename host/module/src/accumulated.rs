@@ -9,7 +9,7 @@
 
 use num_complex::Complex32;
 use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
-use subaperture_core::link::ChipGrid;
+use subaperture_core::link::{CHIP_PART_PIXELS, ChipGrid, Row, write_pixels};
 
 use crate::link::{AccumulatedImage, HostCore};
 use crate::plan::ModulePlan;
@@ -115,9 +115,7 @@ pub fn by_host_core(
     let kernel = ChipKernel::new();
     let mut sums: Vec<Vec<Complex32>> = chips
         .iter()
-        .map(|chip| {
-            vec![Complex32::ZERO; usize::from(chip.num_columns) * usize::from(chip.num_rows)]
-        })
+        .map(|chip| vec![Complex32::ZERO; chip.num_pixels()])
         .collect();
     let mut image = AccumulatedImage {
         sub_cpis: sub_cpis.to_vec(),
@@ -153,10 +151,17 @@ pub fn by_host_core(
             }
         }
     }
-    let scale = 1.0 / image.weight_sum;
-    image.chips = sums
-        .into_iter()
-        .map(|pixels| Some(pixels.iter().map(|sum| sum * scale).collect()))
-        .collect();
+    let (scale, encoding) = (1.0 / image.weight_sum, core.encoding());
+    let mut bytes = [0; 8 * CHIP_PART_PIXELS];
+    let mut received = |pixels: &[Complex32]| -> Vec<Complex32> {
+        let parts = pixels.chunks(CHIP_PART_PIXELS).flat_map(|part| {
+            let bytes = write_pixels(encoding, part, scale, &mut bytes);
+            let row = bytes.and_then(|bytes| Row::new(encoding, part.len(), bytes));
+            let row = row.expect("the buffer holds a part");
+            row.values().collect::<Vec<_>>()
+        });
+        parts.collect()
+    };
+    image.chips = sums.iter().map(|pixels| Some(received(pixels))).collect();
     Ok(image)
 }

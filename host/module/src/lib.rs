@@ -13,6 +13,7 @@
 //! - [`plan`]: sub-CPIs, patches and buffers that keep an error bound within a module's memory;
 //! - [`link`]: sessions with a module over a serial line, or under emulation;
 //! - [`accumulated`]: image that a module accumulates on board;
+//! - [`detections`]: positions of targets that a module detects;
 //! - [`maps`]: range-Doppler maps of patches; [`maps_file`]: their file format; [`image`]: the image formed from them;
 //! - [`crosscheck`]: comparison of the core's and the host's `rdbp` maps with a float64 sum, for every sub-CPI;
 //! - [`range_doppler`]: range-Doppler map of a sub-CPI for display.
@@ -20,6 +21,7 @@
 
 pub mod accumulated;
 pub mod crosscheck;
+pub mod detections;
 pub mod image;
 pub mod link;
 pub mod maps;

@@ -59,8 +59,8 @@ pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{
-    above_zero, any, error_bound, finite, from_zero, geodetic, output, positive, setting, sign,
-    vector,
+    above_zero, any, error_bound, finite, from_zero, geodetic, output, positive, probability,
+    setting, sign, vector,
 };
 #[cfg(feature = "page")]
 pub(crate) use view::View;
@@ -223,12 +223,15 @@ pub(crate) enum Sent {
     Maps,
     /// One image, accumulated on board over all sub-CPIs
     Image,
+    /// Targets detected on the maps by CFAR, with their positions
+    Detections,
 }
 
 impl From<Sent> for ModuleProduct {
     fn from(sent: Sent) -> Self {
         match sent {
             Sent::Maps => Self::Maps,
+            Sent::Detections => Self::Detections,
             Sent::Image => Self::Image,
         }
     }
@@ -244,13 +247,18 @@ pub(crate) struct Link {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// File for the maps; subap focus --from-maps forms the image. With --send image, folder for the image
+    /// File for the maps; subap focus --from-maps forms the image. With --send image, folder for the
+    /// image; with --send detections, CSV file
     #[arg(long, short, value_name = "PATH", value_hint = ValueHint::AnyPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// What the module sends: the maps of every sub-CPI, or one image accumulated on board
+    /// What the module sends
     #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
     pub(crate) send: Sent,
+
+    /// Probability of a false alarm per map cell, for --send detections
+    #[arg(long, value_name = "P", default_value_t = 1e-6, value_parser = probability)]
+    pub(crate) false_alarms: f64,
 
     /// Pixels covered by the maps, as for focus [default: the scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]

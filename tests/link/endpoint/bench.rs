@@ -4,8 +4,8 @@ use num_complex::Complex32;
 use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
 use subaperture_core::link::{
-    ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, Increment, MapAssembly,
-    ProfileAssembly, Receiver, Refusal, Report, State, Status, complex32s, detections,
+    CHIP_PART_PIXELS, ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, Increment,
+    MapAssembly, ProfileAssembly, Receiver, Refusal, Report, State, Status, detections,
     max_frame_bytes, max_received_bytes, sc16s, write_complex32s, write_f32s, write_sc16s,
 };
 use subaperture_core::motion::Odometer;
@@ -102,10 +102,19 @@ pub(crate) fn fixed() -> Bench<FixedEngine<'static>> {
 impl<E: WireEngine + 'static> Bench<E> {
     /// Create with link buffers for `frequencies`, as in the application.
     pub(crate) fn new(processor: SubCpiProcessor<'static, E>, frequencies: usize) -> Self {
+        Self::with_row(processor, frequencies, frequencies.max(CHIP_PART_PIXELS))
+    }
+
+    /// Create with a row buffer for this many samples.
+    pub(crate) fn with_row(
+        processor: SubCpiProcessor<'static, E>,
+        frequencies: usize,
+        row: usize,
+    ) -> Self {
         let link = LinkBuffers {
             received: vec![0; max_received_bytes(frequencies)].leak(),
-            frame: vec![0; max_frame_bytes(frequencies)].leak(),
-            row: vec![0; 8 * frequencies].leak(),
+            frame: vec![0; max_frame_bytes(frequencies.max(CHIP_PART_PIXELS))].leak(),
+            row: vec![0; 8 * row].leak(),
         };
         let products = ProductBuffers {
             pixels: vec![Complex32::ZERO; PIXELS].leak(),
@@ -185,7 +194,7 @@ impl<E: WireEngine + 'static> Bench<E> {
                 });
             }
             if let Some(chip) = self.chip.take(&report).expect("a chip without faults") {
-                let pixels = complex32s(chip.bytes).collect();
+                let pixels = chip.pixels().collect();
                 self.chips
                     .push((chip.grid, chip.maps, chip.weight_sum, pixels));
             }

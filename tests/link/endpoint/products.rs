@@ -9,7 +9,9 @@ use std::f64::consts::TAU;
 use num_complex::{Complex32, Complex64};
 use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
-use subaperture_core::link::{Command, Encoding, MAX_DETECTIONS, Refusal, State};
+use subaperture_core::link::{
+    CHIP_PART_PIXELS, Command, Encoding, MAX_DETECTIONS, Refusal, Row, State, write_pixels,
+};
 use subaperture_core::stream::{FloatBuffers, Setup};
 use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::products::DETECTIONS;
@@ -55,8 +57,13 @@ fn exact_chip(scene: &Scene) -> Vec<Complex64> {
     pixels
 }
 
-/// Sum of the received maps as documented: each times its number of pulses, over the sum of their weights.
-fn chip_of<'m>(maps: impl Iterator<Item = &'m Came>, setup: &Setup) -> (u32, f32, Vec<Complex32>) {
+/// Sum of the received maps as documented: each times its number of pulses, over the sum of their weights, rounded to the
+/// encoding of the module's pixels.
+fn chip_of<'m>(
+    maps: impl Iterator<Item = &'m Came>,
+    setup: &Setup,
+    encoding: Encoding,
+) -> (u32, f32, Vec<Complex32>) {
     let grid = PixelGrid {
         origin_m: CHIP.origin_m,
         column_step_m: CHIP.column_step_m,
@@ -74,10 +81,12 @@ fn chip_of<'m>(maps: impl Iterator<Item = &'m Came>, setup: &Setup) -> (u32, f32
             add_patch_map(&mut pixels, &grid, setup, &map.view(), &kernel, pulses).unwrap();
         assert_eq!(reached, 120, "the chip lies within the patch");
     }
-    let scale = 1.0 / weights;
-    let pixels = pixels
-        .iter()
-        .map(|z| Complex32::new(z.re * scale, z.im * scale));
+    let mut bytes = [0; 8 * CHIP_PART_PIXELS];
+    let pixels = pixels.chunks(CHIP_PART_PIXELS).flat_map(|part| {
+        let bytes = write_pixels(encoding, part, 1.0 / weights, &mut bytes).unwrap();
+        let row = Row::new(encoding, part.len(), bytes).unwrap();
+        row.values().collect::<Vec<_>>()
+    });
     (count, weights, pixels.collect())
 }
 
@@ -99,7 +108,7 @@ fn check_chip<E: WireEngine + 'static>(bench: Bench<E>, most_db: f64) {
     let both = bench.collect();
     let (grid, maps, weights, pixels) = &both[0];
     assert_eq!((*grid, both[1].0), (CHIP, SMALL_CHIP));
-    let expected = chip_of(bench.maps.iter(), &scene.setup);
+    let expected = chip_of(bench.maps.iter(), &scene.setup, E::MAP_ENCODING);
     assert_eq!((*maps, *weights), (expected.0, expected.1));
     assert_eq!(*maps, 4);
     assert_eq!(*pixels, expected.2);
@@ -259,7 +268,7 @@ fn check_lists<E: WireEngine + 'static>(mut bench: Bench<E>) {
     bench.set_chips();
     bench.run(3, &scene);
     check_detections(&bench, &many, MAX_DETECTIONS);
-    let expected = chip_of(bench.maps.iter(), &scene.setup).2;
+    let expected = chip_of(bench.maps.iter(), &scene.setup, E::MAP_ENCODING).2;
     assert_eq!(bench.collect()[0].3, expected);
     // Without maps the detections are the same.
     let with_maps = bench.detections.clone();
@@ -285,7 +294,7 @@ fn fixed_point_detections_match_received_maps() {
 #[test]
 fn short_row_buffer_sends_fewer_detections_per_frame() {
     let buffers = Box::leak(Box::new(FloatBuffers::<M, 16, 32, ROWS, 1>::new()));
-    let mut bench = Bench::new(buffers.processor(), 16);
+    let mut bench = Bench::with_row(buffers.processor(), 16, 16);
     let patches = vec![patch([1.0, 1.0, 0.0], 7, 7)];
     let scene = Scene::new(M as u16, 16, 32, 16, 2 * M, patches);
     bench.configure(&scene);

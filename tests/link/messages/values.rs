@@ -321,17 +321,22 @@ impl Values {
                 maps: self.other,
                 weight_sum: self.single,
                 left_out: self.long,
+                encoding: self.encoding(),
             },
             Report::Accumulated {
                 first: self.other,
                 bits: &self.bytes,
             },
-            Report::ChipRow {
+            Report::ChipPart {
                 chip,
-                row: rows,
+                part: rows,
                 samples: &self.bytes,
             },
-            Report::ChipEnd { chip, rows, crc },
+            Report::ChipEnd {
+                chip,
+                parts: rows,
+                crc,
+            },
             Report::Detections {
                 map,
                 sub_cpi: self.other,

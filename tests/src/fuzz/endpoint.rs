@@ -159,7 +159,7 @@ impl Ear {
                     "status"
                 }
                 Report::MapStart { .. } | Report::MapRow { .. } | Report::MapEnd { .. } => "map",
-                Report::ChipStart { .. } | Report::ChipRow { .. } | Report::ChipEnd { .. } => {
+                Report::ChipStart { .. } | Report::ChipPart { .. } | Report::ChipEnd { .. } => {
                     "chip"
                 }
                 Report::Accumulated { .. } => "accumulated",

@@ -118,6 +118,8 @@ pub struct Counts {
     pub maps_wanted: u64,
     /// Maps accepted, each once.
     pub maps_taken: u64,
+    /// Maps of the current run that the module reports as processed.
+    pub maps_processed: u64,
     /// Maps accepted in additional runs for maps lost in the first.
     pub maps_fetched_again: u64,
     /// Maps of all runs that the module formed and that were not received completely.
@@ -132,6 +134,16 @@ impl Counts {
     /// Number of missing maps.
     pub fn maps_missing(&self) -> u64 {
         self.maps_wanted.saturating_sub(self.maps_taken)
+    }
+
+    /// Bytes received from the module for each byte sent to it.
+    pub fn down_up_ratio(&self) -> f64 {
+        self.bytes_from_module as f64 / (self.bytes_to_module as f64).max(1.0)
+    }
+
+    /// Maps of this run and of earlier ones that are done: received, or reported by the module as processed.
+    pub fn maps_done(&self) -> u64 {
+        self.maps_taken.max(self.maps_processed)
     }
 
     /// Convert to a JSON object.

@@ -64,9 +64,7 @@ impl<'c> Intake<'c> {
             Products::Maps(_) => maps.max().unwrap_or(0),
             Products::Detections(..) => 0,
             Products::Image(grids, _) => {
-                let chips = grids
-                    .iter()
-                    .map(|grid| 8 * usize::from(grid.num_columns) * usize::from(grid.num_rows));
+                let chips = grids.iter().map(|grid| 8 * grid.num_pixels());
                 chips.max().unwrap_or(0)
             }
         }

@@ -61,7 +61,7 @@ pub use open::open;
 pub use place::{Firmware, ModuleAddress, ModuleAddressError};
 pub use products::{AccumulatedImage, DetectionSink};
 pub use profiles::{Profile, ProfileRun, Profiles, SweepBurst, SweepSource};
-pub use rehearsal::rehearse;
+pub use rehearsal::{Rehearsed, rehearse};
 pub use running_image::{MAX_WAITING, RunningImage};
 pub use session::{Buffers, Session, SessionObserver};
 pub use settings::Settings;

@@ -2,7 +2,7 @@
 
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Detection};
-use subaperture_core::link::{AssembledChip, ChipGrid, Report, complex32s, detections};
+use subaperture_core::link::{AssembledChip, ChipGrid, Report, detections};
 
 use super::ending::SinkError;
 use super::intake::MapSink;
@@ -78,7 +78,7 @@ impl AccumulatedImage {
             self.left_out += u64::from(chip.left_out);
         }
         self.weight_sum = chip.weight_sum;
-        self.chips[index] = Some(complex32s(chip.bytes).collect());
+        self.chips[index] = Some(chip.pixels().collect());
     }
 }
 

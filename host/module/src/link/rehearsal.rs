@@ -11,11 +11,13 @@
 
 use std::time::{Duration, Instant};
 
+use subaperture_core::cfar::{Cfar, Detection};
 use subaperture_core::link::{AssembledMap, ChipGrid};
 
 use super::ending::{LinkError, SinkError, TransferEnd};
 use super::intake::MapSink;
 use super::job::{Job, PulseSource};
+use super::products::DetectionSink;
 use super::session::{Session, SessionObserver};
 use subaperture_focus::forecast::Forecast;
 use subaperture_model::phase_history::{PhaseHistory, PulseRange};
@@ -38,8 +40,28 @@ impl MapSink for Clock {
     }
 }
 
-/// Process the first sub-CPIs of `job`, which is from `history`, on the module of `session`: their maps are sent, or accumulated
-/// into `chips`. `None` if maps were lost: the line is then too unreliable for a forecast.
+impl DetectionSink for Clock {
+    fn accept(&mut self, sub_cpi: u32, _: u16, _: &[Detection]) -> Result<(), SinkError> {
+        if let Some(came) = self.came.get_mut(sub_cpi as usize) {
+            *came = Some(self.start.elapsed());
+        }
+        Ok(())
+    }
+}
+
+/// What the module of a rehearsed job sends.
+#[derive(Clone, Copy, Debug)]
+pub enum Rehearsed<'a> {
+    /// Maps.
+    Maps,
+    /// Detections with these settings.
+    Detections(&'a Cfar),
+    /// An image of these chips.
+    Image(&'a [ChipGrid]),
+}
+
+/// Process the first sub-CPIs of `job`, which is from `history`, on the module of `session`. `None` if maps were lost: the line is
+/// then too unreliable for a forecast.
 ///
 /// # Errors
 /// [`LinkError`] if the session fails.
@@ -47,7 +69,7 @@ pub fn rehearse(
     session: &mut Session<'_>,
     job: &Job<'_>,
     history: &dyn PhaseHistory,
-    chips: Option<&[ChipGrid]>,
+    product: Rehearsed<'_>,
     watch: &mut dyn SessionObserver,
 ) -> Result<Option<Forecast>, LinkError> {
     let mut clock = Clock {
@@ -55,9 +77,9 @@ pub fn rehearse(
         came: [None; SUB_CPIS],
     };
     // Maps come sub-CPI by sub-CPI, an image at the end only: each of its parts is a transfer.
-    let parts = match chips {
-        None => SUB_CPIS..SUB_CPIS + 1,
-        Some(_) => 1..SUB_CPIS + 1,
+    let parts = match product {
+        Rehearsed::Maps | Rehearsed::Detections(_) => SUB_CPIS..SUB_CPIS + 1,
+        Rehearsed::Image(_) => 1..SUB_CPIS + 1,
     };
     for sub_cpis in parts {
         let all = history.collection().pulses.len();
@@ -71,9 +93,12 @@ pub fn rehearse(
             patches: job.patches.clone(),
             pulses: PulseSource::new(&first, &weights, job.pulses.encoding())?,
         };
-        let ending = match chips {
-            None => session.transfer(&mut part, &mut clock, watch).ending,
-            Some(chips) => {
+        let ending = match product {
+            Rehearsed::Maps => session.transfer(&mut part, &mut clock, watch).ending,
+            Rehearsed::Detections(cfar) => {
+                session.detect(&mut part, cfar, &mut clock, watch).ending
+            }
+            Rehearsed::Image(chips) => {
                 let start = Instant::now();
                 let (outcome, _) = session.accumulate(&mut part, chips, watch);
                 clock.came[sub_cpis - 1] = Some(start.elapsed());

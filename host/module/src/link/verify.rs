@@ -77,6 +77,11 @@ impl<'a> HostCore<'a> {
         &self.job.setup
     }
 
+    /// Encoding of pulses, maps and pixels.
+    pub fn encoding(&self) -> Encoding {
+        self.job.pulses.encoding()
+    }
+
     /// Maps of a sub-CPI, one per patch.
     ///
     /// # Errors

@@ -9,8 +9,8 @@
 //! - maps have `R` range bins, the power of two from `2F` (4096 at most), and `D` Doppler bins, twice the Nyquist number at
 //!   the highest frequency, so that kernels have room;
 //! - of all choices within the error bound and the memory, the one with the fewest bytes of maps is taken, since the link is
-//!   the bottleneck; among equal ones, the one with the least memory. Where the module accumulates the image and sends no maps,
-//!   the one with the fewest instructions is taken;
+//!   the bottleneck; among equal ones, the one with the least memory. Where the module accumulates the image, the one with
+//!   the fewest instructions is taken, and where it detects targets, the one with the fewest maps;
 //! - an image that the module accumulates is read with its own kernel ([`subaperture_core::accumulate::ChipKernel`]).
 //!
 //! The range gate of every patch contains its pixels in all sub-CPIs plus the kernel's `taps / 2 + 1` bins around them.
@@ -31,8 +31,10 @@ use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ModuleProduct {
-    /// Maps of all patches and sub-CPIs, from which the host forms the image or the module detects targets.
+    /// Maps of all patches and sub-CPIs, from which the host forms the image.
     Maps,
+    /// Targets detected on the maps.
+    Detections,
     /// An image that the module accumulates from its maps.
     Image,
 }

@@ -1,8 +1,9 @@
-//! Link load of one sub-CPI: pulses to the module, maps from it.
+//! Link load of one sub-CPI: pulses to the module, maps from it; and of the whole recording with each product.
 //!
 //! A byte takes ten bits: a start bit, eight data bits, a stop bit (8N1), in both directions at once. Only the content of the
 //! messages is counted, not framing, settings and repetitions.
 
+use subaperture_core::link::DETECTION_BYTES;
 use subaperture_core::stream::BlockFloat;
 
 use super::ModulePlan;
@@ -17,11 +18,70 @@ const PULSE_BYTES: u64 = 4 + 8 + 48 + 8 + 4;
 /// Bytes of a map without its samples: `MapHeader` in memory layout.
 const MAP_BYTES: u64 = 152;
 
+/// Bytes of the list of detections on a map without the detections.
+const LIST_BYTES: u64 = 16;
+
+/// Maximum number of detections that a module sends per map.
+const DETECTIONS_A_MAP: u64 = 32;
+
+/// Bytes of an image chip without its pixels: grid and counters.
+const CHIP_BYTES: u64 = 110;
+
+/// Load of a product of the whole recording on the link.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ProductLoad {
+    /// Name of the product, as in `subap link --send`.
+    pub product: &'static str,
+    /// Fewest and most bytes from the module. They differ for detections: none, or 32 on every map.
+    pub down_bytes: [u64; 2],
+    /// The same for each byte to the module.
+    pub down_up_ratio: [f64; 2],
+    /// Transfer time of both directions at once in seconds, with the most bytes.
+    pub transfer_s: f64,
+}
+
+impl ProductLoad {
+    /// Loads of maps, image and detections of a plan on a link of `baud` bits per second.
+    pub fn of_each(plan: &ModulePlan, baud: u32) -> [Self; 3] {
+        let link = LinkBudget::new(plan, baud);
+        let num_maps = plan.num_sub_cpis as u64 * plan.patches.len() as u64;
+        let up_bytes = link.pulse_bytes * plan.num_pulses as u64;
+        let pixel_bytes = sample_bytes(plan.arithmetic);
+        let lists = |detections: u64| num_maps * (LIST_BYTES + DETECTION_BYTES as u64 * detections);
+        let image = pixel_bytes * plan.num_pixels + CHIP_BYTES * plan.patches.len() as u64;
+        let load = |product, down_bytes: [u64; 2]| Self {
+            product,
+            down_bytes,
+            down_up_ratio: down_bytes.map(|bytes| bytes as f64 / up_bytes as f64),
+            transfer_s: seconds(up_bytes.max(down_bytes[1]), baud),
+        };
+        [
+            load("maps", [plan.num_sub_cpis as u64 * link.down_bytes; 2]),
+            load("image", [image; 2]),
+            load("detections", [lists(0), lists(DETECTIONS_A_MAP)]),
+        ]
+    }
+}
+
+/// Bytes of a sample of a pulse, a map or an image.
+fn sample_bytes(arithmetic: Arithmetic) -> u64 {
+    match arithmetic {
+        Arithmetic::Float => 8,
+        Arithmetic::Fixed => 4,
+    }
+}
+
+fn seconds(bytes: u64, baud: u32) -> f64 {
+    bytes as f64 * BITS_A_BYTE / f64::from(baud)
+}
+
 /// Bytes and transfer times of one sub-CPI.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LinkBudget {
     /// Bit rate of the link in bits per second.
     pub baud: u32,
+    /// Bytes of a pulse to the module.
+    pub pulse_bytes: u64,
     /// Bytes to the module.
     pub up_bytes: u64,
     /// Bytes from the module: the maps of all patches.
@@ -38,10 +98,7 @@ impl LinkBudget {
     /// Compute the load of a plan on a link of `baud` bits per second.
     pub fn new(plan: &ModulePlan, baud: u32) -> Self {
         let setup = &plan.setup;
-        let sample_bytes = match plan.arithmetic {
-            Arithmetic::Float => 8,
-            Arithmetic::Fixed => 4,
-        };
+        let sample_bytes = sample_bytes(plan.arithmetic);
         let pulse_bytes = PULSE_BYTES + sample_bytes * u64::from(setup.num_frequencies);
         let maps = plan.patches.iter().map(|patch| {
             let exponents = match plan.arithmetic {
@@ -54,14 +111,14 @@ impl LinkBudget {
         });
         let up_bytes = pulse_bytes * u64::from(setup.num_pulses);
         let down_bytes = maps.clone().sum();
-        let seconds = |bytes: u64| bytes as f64 * BITS_A_BYTE / f64::from(baud);
         Self {
             baud,
+            pulse_bytes,
             up_bytes,
             down_bytes,
             map_bytes: maps.max().unwrap_or(0),
-            up_s: seconds(up_bytes),
-            down_s: seconds(down_bytes),
+            up_s: seconds(up_bytes, baud),
+            down_s: seconds(down_bytes, baud),
         }
     }
 

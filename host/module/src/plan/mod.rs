@@ -12,7 +12,7 @@ mod reach;
 mod search;
 
 pub use choosing::{ModuleProduct, PlanError, Requirements};
-pub use link::LinkBudget;
+pub use link::{LinkBudget, ProductLoad};
 pub use module_plan::{ModuleCapacity, ModulePlan};
 pub(crate) use ram::least_capacity;
 pub use ram::{Buffer, RamBudget, image_bytes};

@@ -68,14 +68,7 @@ impl ModulePlan {
             ModuleCapacity::Ram { bytes } => self.total_bytes() <= *bytes,
             ModuleCapacity::Built(capacity) => {
                 let patches = self.patches.iter();
-                let row_fits = match self.product {
-                    ModuleProduct::Maps => true,
-                    ModuleProduct::Image => {
-                        self.patch_pixels.columns <= usize::from(capacity.frequencies)
-                    }
-                };
-                row_fits
-                    && self.setup.check(capacity).is_ok()
+                self.setup.check(capacity).is_ok()
                     && self.patches.len() <= usize::from(capacity.patches)
                     && patches
                         .clone()

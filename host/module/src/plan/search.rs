@@ -34,7 +34,7 @@ pub(super) struct Candidate {
     length: usize,
     patch: PatchSize,
     taps: usize,
-    /// Samples of all maps of the collection if maps are sent, otherwise instructions to form them.
+    /// Samples of all maps if maps are sent; number of maps if detections are; instructions of all maps for an image.
     cost: f64,
     /// Bytes of all buffers.
     pub(super) ram_bytes: u64,
@@ -75,7 +75,7 @@ impl Search<'_> {
     /// Taps and error of the kernels that read maps of this setup.
     fn kernels(&self, setup: &Setup) -> Option<(usize, f64)> {
         match self.product {
-            ModuleProduct::Maps => {
+            ModuleProduct::Maps | ModuleProduct::Detections => {
                 let kernels = Kernels::for_bound(setup, self.error_db);
                 Some((kernels.range.taps(), kernels.error))
             }
@@ -89,7 +89,7 @@ impl Search<'_> {
     /// Bytes of an accumulated image in addition to the buffers for maps.
     fn image_bytes(&self, patches: usize, sub_cpis: usize) -> u64 {
         match self.product {
-            ModuleProduct::Maps => 0,
+            ModuleProduct::Maps | ModuleProduct::Detections => 0,
             ModuleProduct::Image => {
                 image_bytes(self.grid.num_pixels(), patches as u64, sub_cpis as u64)
             }
@@ -127,7 +127,9 @@ impl Search<'_> {
         // The share of the error that image formation will assign to the kernels.
         let share = Kernels::share(self.error_db);
         let kernel = match self.product {
-            ModuleProduct::Maps => kernels.into_iter().find(|&(_, error)| error <= share),
+            ModuleProduct::Maps | ModuleProduct::Detections => {
+                kernels.into_iter().find(|&(_, error)| error <= share)
+            }
             ModuleProduct::Image => {
                 (CHIP_KERNEL_ERROR <= share).then_some((CHIP_TAPS, CHIP_KERNEL_ERROR))
             }
@@ -200,15 +202,13 @@ impl Search<'_> {
             return None;
         }
         let count = patches * self.collection.pulses.len().div_ceil(length);
-        let capacity = self.with_rows(
-            Capacity {
-                patches: patches as u16,
-                ..least_capacity(&setup, &[gate], self.arithmetic)
-            },
-            patch,
-        )?;
+        let capacity = Capacity {
+            patches: patches as u16,
+            ..least_capacity(&setup, &[gate], self.arithmetic)
+        };
         let cost = match self.product {
             ModuleProduct::Maps => gate.map_len() as f64,
+            ModuleProduct::Detections => 1.0,
             ModuleProduct::Image => {
                 let rows = gate.num_doppler_bins() as f64;
                 let bins = f64::from(setup.range_length);
@@ -223,17 +223,6 @@ impl Search<'_> {
             taps,
             cost: count as f64 * cost,
             ram_bytes: buffers + self.image_bytes(patches, count / patches.max(1)),
-        })
-    }
-
-    /// Capacity whose link buffers also hold a row of an image chip. `None` if it is too long.
-    fn with_rows(&self, capacity: Capacity, patch: PatchSize) -> Option<Capacity> {
-        Some(match self.product {
-            ModuleProduct::Maps => capacity,
-            ModuleProduct::Image => Capacity {
-                frequencies: capacity.frequencies.max(u16::try_from(patch.columns).ok()?),
-                ..capacity
-            },
         })
     }
 
@@ -289,7 +278,7 @@ impl Search<'_> {
                 reach.patch(&setup, centre_m, taps)
             })
             .collect::<Option<_>>()?;
-        let capacity = self.with_rows(least_capacity(&setup, &patches, self.arithmetic), patch)?;
+        let capacity = least_capacity(&setup, &patches, self.arithmetic);
         if usize::from(capacity.doppler_bins) > MAX_ROWS {
             return None;
         }

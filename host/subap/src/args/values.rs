@@ -169,6 +169,14 @@ pub(super) fn above_zero(dimension: Dimension) -> impl Fn(&str) -> Result<f64, S
     checked(dimension, " above 0", |value| value > 0.0)
 }
 
+/// Probability between 0 and 1, both excluded.
+pub(super) fn probability(text: &str) -> Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|&value| value > 0.0 && value < 1.0)
+        .ok_or_else(|| "give a number between 0 and 1, both excluded".to_owned())
+}
+
 /// Numbers or quantities between separators. A number without a unit takes the unit to its right.
 fn several(text: &str, separator: char, dimension: Dimension) -> Result<Vec<f64>, String> {
     let parts: Vec<&str> = text.split(separator).collect();

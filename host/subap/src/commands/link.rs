@@ -1,5 +1,6 @@
 //! `subap link`: send recordings to the embedded module and store its maps or its image.
 
+mod detect;
 mod image;
 mod outcome;
 mod picture;
@@ -32,6 +33,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     match typed.send {
         Sent::Maps => claims.file(&typed.out, Kind::Maps)?,
         Sent::Image => claims.folder(&typed.out, product::NAMES)?,
+        Sent::Detections => claims.file(&typed.out, Kind::Text)?,
     }
     if let Some(picture) = &typed.picture {
         claims.file(picture, Kind::Picture).context("--picture")?;
@@ -75,6 +77,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
             work.transfer(&mut module, &run, &mut job, &mut watch, start)
         }
         Sent::Image => work.accumulate(&mut module, &survey, &mut job, &mut watch, start),
+        Sent::Detections => work.detect(&mut module, &mut job, &mut watch, start),
     }
 }
 

@@ -34,6 +34,7 @@ impl Conversation<'_> {
             }
             Report::Status(status) => {
                 self.ledger.count(&status);
+                self.ledger.counts.maps_processed = status.maps.into();
                 self.news.status = Some(status);
             }
             Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),

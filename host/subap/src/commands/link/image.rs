@@ -198,7 +198,7 @@ impl<'w> Work<'w> {
             ..
         } = *self;
         let counts = &outcome.counts;
-        let ratio = counts.bytes_from_module as f64 / (counts.bytes_to_module as f64).max(1.0);
+        let ratio = counts.down_up_ratio();
         let complete = received.sub_cpis.len() == plan.num_sub_cpis;
         if session.json() {
             text::say_json(

@@ -54,14 +54,14 @@ impl SessionObserver for Watching {
         let damaged = counts.frames_from_module.damaged + counts.frames_to_module.damaged;
         self.bar.set_label(format!(
             "{} of {} maps, {:.0} kB/s sent, {:.0} kB/s received, {damaged} damaged frames, {} lost maps",
-            counts.maps_taken,
+            counts.maps_done(),
             counts.maps_wanted,
             rate(bytes_out, before_out),
             rate(bytes_in, before_in),
             counts.maps_lost
         ));
         if counts.maps_wanted > 0 {
-            let done = counts.maps_taken as f64 / counts.maps_wanted as f64;
+            let done = counts.maps_done() as f64 / counts.maps_wanted as f64;
             self.bar.progress(done);
         }
     }

@@ -129,10 +129,16 @@ impl<'w> Work<'w> {
     ) -> anyhow::Result<()> {
         let Self { typed, plan, .. } = *self;
         let chips = match typed.send {
-            Sent::Maps => None,
-            Sent::Image => Some(self.chips(module.identity())?),
+            Sent::Maps | Sent::Detections => Vec::new(),
+            Sent::Image => self.chips(module.identity())?,
         };
-        let time = link::rehearse(module, job, self.history, chips.as_deref(), watch)?;
+        let cfar = self.cfar();
+        let product = match typed.send {
+            Sent::Maps => link::Rehearsed::Maps,
+            Sent::Detections => link::Rehearsed::Detections(&cfar),
+            Sent::Image => link::Rehearsed::Image(&chips),
+        };
+        let time = link::rehearse(module, job, self.history, product, watch)?;
         watch.bar.finish();
         let work = format!(
             "{} maps of {} pulses by the module at {}; retransmissions not included",
@@ -145,6 +151,8 @@ impl<'w> Work<'w> {
                 maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, plan.arithmetic)
             }
             Sent::Image => npy::file_bytes(self.grid.num_pixels()),
+            // A few detections a map.
+            Sent::Detections => 1000 * num_maps(plan),
         };
         let picture_bytes = match &typed.picture {
             Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),

@@ -3,7 +3,9 @@
 use anyhow::Context;
 use serde_json::json;
 use subaperture::module::maps::Arithmetic;
-use subaperture::module::plan::{LinkBudget, ModuleCapacity, ModulePlan, Requirements};
+use subaperture::module::plan::{
+    LinkBudget, ModuleCapacity, ModulePlan, ModuleProduct, ProductLoad, Requirements,
+};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 
@@ -39,6 +41,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         error_db: requirements.error_db,
         plan: &plan,
         link: plan.link(typed.link),
+        products: ProductLoad::of_each(&plan, typed.link),
         period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
         patch_m: (!grid.polar).then(|| {
             [
@@ -74,6 +77,7 @@ struct Sheet<'a> {
     error_db: f64,
     plan: &'a ModulePlan,
     link: LinkBudget,
+    products: [ProductLoad; 3],
     /// Interval between sub-CPIs, seconds.
     period_s: Option<f64>,
     /// Patch sides along x and y, metres.
@@ -97,6 +101,8 @@ impl Sheet<'_> {
             "ram_allowed_bytes": self.typed.ram,
             "ram": plan.ram,
             "link": self.link,
+            "products": self.products,
+            "recommended": self.recommended().product,
             "sub_cpi_s": self.period_s,
             "keeps_up": self.period_s.map(|period_s| self.link.keeps_up(period_s)),
             "patches_in_real_time": self.period_s.map(|period_s| self.link.patches_in(period_s)),
@@ -106,6 +112,7 @@ impl Sheet<'_> {
     fn to_text(&self) -> String {
         let mut facts = self.plan_facts();
         facts.extend(self.link_facts());
+        facts.extend(self.product_facts());
         let mut lines = text::facts(&facts);
         lines.push(String::new());
         lines.push(self.memory_table());
@@ -206,6 +213,58 @@ impl Sheet<'_> {
         facts
     }
 
+    /// Traffic of the whole recording with each product.
+    fn product_facts(&self) -> Vec<Fact> {
+        let mut facts: Vec<Fact> = self
+            .products
+            .iter()
+            .map(|load| {
+                let [least, most] = load.down_bytes.map(|count| bytes(count.into()));
+                let [least_ratio, most_ratio] = load
+                    .down_up_ratio
+                    .map(|ratio| text::significant(ratio, 2));
+                let (down, ratio) = match least == most {
+                    true => (most, most_ratio),
+                    false => (
+                        format!("{least} to {most}"),
+                        format!("{least_ratio} to {most_ratio}"),
+                    ),
+                };
+                (
+                    load.product,
+                    format!(
+                        "{down} down for the whole recording, {ratio} of the bytes up; {:.3} s at {} baud",
+                        load.transfer_s, self.link.baud
+                    ),
+                )
+            })
+            .collect();
+        let recommended = self.recommended();
+        facts.push((
+            "recommended",
+            format!(
+                "--send {}{}",
+                recommended.product,
+                match (recommended.product, self.plan.product) {
+                    ("image", ModuleProduct::Maps) =>
+                        ", if the module has room for it: plan with --send image",
+                    _ => "",
+                }
+            ),
+        ));
+        facts
+    }
+
+    /// Of maps and image, which both give the image, the one with fewer bytes.
+    fn recommended(&self) -> &ProductLoad {
+        let [maps, image, _] = &self.products;
+        if image.down_bytes[1] < maps.down_bytes[1] {
+            image
+        } else {
+            maps
+        }
+    }
+
     /// Table of buffer sizes.
     fn memory_table(&self) -> String {
         let plan = self.plan;
@@ -215,9 +274,12 @@ impl Sheet<'_> {
             .iter()
             .map(|buffer| vec![buffer.name.to_owned(), buffer.bytes.to_string()])
             .collect();
+        if plan.image_bytes > 0 {
+            memory.push(vec!["image".to_owned(), plan.image_bytes.to_string()]);
+        }
         memory.push(vec![
             "all buffers".to_owned(),
-            plan.ram.total_bytes.to_string(),
+            plan.total_bytes().to_string(),
         ]);
         memory.push(vec!["allowed".to_owned(), self.typed.ram.to_string()]);
         memory.push(vec![

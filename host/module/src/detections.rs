@@ -1,0 +1,141 @@
+//! Positions of detections on the maps of a module.
+//!
+//! A detection at the range bin `r` and the Doppler bin `d` of a patch has, relative to the patch centre, the path and the path
+//! rate in the middle of the sub-CPI
+//!
+//! ```text
+//! a = r c / (R step_hz)  metres,   b = -d c / (D f_ref)  metres per pulse
+//! ```
+//!
+//! `f_ref` is the centre frequency. A target at rest lies where the path has this offset and this rate: two equations for the
+//! two coordinates in the grid's plane, solved by Newton's method from the patch centre. A moving target lies at another
+//! position of the same path, since its own path rate adds to that of the radar.
+
+use glam::DVec3;
+use subaperture_core::cfar::Detection;
+
+use crate::plan::ModulePlan;
+use subaperture_focus::sub_cpi::{self, SubCpi};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::Collection;
+
+/// Number of Newton steps: each doubles the correct digits.
+const STEPS: usize = 8;
+
+/// Step of the numerical derivative in metres.
+const STEP_M: f64 = 0.01;
+
+/// Largest remaining error of a position in metres of path.
+const CLOSE_M: f64 = 1e-6;
+
+/// Detection with its position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocatedDetection {
+    /// Sub-CPI of the map.
+    pub sub_cpi: u32,
+    /// Patch of the map.
+    pub patch: u16,
+    /// Mean time of the first and the last pulse in seconds.
+    pub time_s: f64,
+    /// Bins, power and noise.
+    pub detection: Detection,
+    /// Two-way path in the middle of the sub-CPI in metres.
+    pub path_m: f64,
+    /// Path rate in metres per second, that of the moving radar included. `None` for pulses without times.
+    pub path_rate_m_s: Option<f64>,
+    /// Position of a target at rest in metres. `None` if no point of the grid's plane near the patch has this path and rate.
+    pub position_m: Option<[f64; 3]>,
+}
+
+/// Locator of the detections on the maps of a plan.
+pub struct Locator<'a> {
+    collection: &'a Collection,
+    plan: &'a ModulePlan,
+    axes: [DVec3; 2],
+}
+
+impl<'a> Locator<'a> {
+    /// Create a locator for the maps of `plan`, made for this recording and grid.
+    pub fn new(collection: &'a Collection, grid: &ImageGrid, plan: &'a ModulePlan) -> Self {
+        Self {
+            collection,
+            plan,
+            axes: [grid.x_axis, grid.y_axis],
+        }
+    }
+
+    /// Locate a detection. `None` if the plan has no such map.
+    pub fn locate(
+        &self,
+        sub_cpi: u32,
+        patch: u16,
+        detection: &Detection,
+    ) -> Option<LocatedDetection> {
+        let setup = &self.plan.setup;
+        let length = usize::from(setup.num_pulses).max(1);
+        let pulses = sub_cpi::cut(self.collection.pulses.len(), &[], length)
+            .get(sub_cpi as usize)?
+            .clone();
+        let track = &self.collection.pulses[pulses.clone()];
+        let centre_m = DVec3::from(self.plan.patches.get(usize::from(patch))?.centre_m);
+        let [first_s, last_s] = [track[0].time_s, track[track.len() - 1].time_s];
+        let sub_cpi_track = SubCpi::new(self.collection, pulses);
+        // Paths relative to a path of zero.
+        let [(centre_path_m, centre_rate_m), wanted] = [
+            sub_cpi_track.path_and_rate(centre_m),
+            (
+                f64::from(detection.range_bin) * SPEED_OF_LIGHT_M_S
+                    / (f64::from(setup.range_length) * setup.step_hz),
+                -f64::from(detection.doppler_bin) * SPEED_OF_LIGHT_M_S
+                    / (f64::from(setup.doppler_length) * setup.centre_hz()),
+            ),
+        ];
+        let interval_s = (last_s - first_s) / (track.len().max(2) - 1) as f64;
+        let timed = self.collection.timed && interval_s > 0.0;
+        Some(LocatedDetection {
+            sub_cpi,
+            patch,
+            time_s: (first_s + last_s) / 2.0,
+            detection: *detection,
+            path_m: centre_path_m + wanted.0,
+            path_rate_m_s: timed.then(|| (centre_rate_m + wanted.1) / interval_s),
+            position_m: self.position(&sub_cpi_track, centre_m, wanted),
+        })
+    }
+
+    /// Point of the grid's plane through `centre_m` with this path and path rate relative to it.
+    fn position(
+        &self,
+        track: &SubCpi,
+        centre_m: DVec3,
+        (path_m, rate_m): (f64, f64),
+    ) -> Option<[f64; 3]> {
+        let datum = track.datum(centre_m);
+        let mut point = centre_m;
+        for _ in 0..STEPS {
+            let (a, b) = track.line(&datum, point);
+            let slopes = self.axes.map(|axis| {
+                let (ahead, behind) = (
+                    track.line(&datum, point + axis * STEP_M),
+                    track.line(&datum, point - axis * STEP_M),
+                );
+                let slope = |ahead: f64, behind: f64| (ahead - behind) / (2.0 * STEP_M);
+                [slope(ahead.0, behind.0), slope(ahead.1, behind.1)]
+            });
+            let [[ax, bx], [ay, by]] = slopes;
+            let (da, db) = (path_m - a, rate_m - b);
+            let determinant = ax * by - ay * bx;
+            let step = [
+                (da * by - ay * db) / determinant,
+                (ax * db - da * bx) / determinant,
+            ];
+            point += self.axes[0] * step[0] + self.axes[1] * step[1];
+            if !point.is_finite() {
+                return None;
+            }
+        }
+        let (a, _) = track.line(&datum, point);
+        ((a - path_m).abs() <= CLOSE_M).then(|| point.to_array())
+    }
+}
