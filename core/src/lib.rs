@@ -2,8 +2,7 @@
 //!
 //! Pulses go in; range-Doppler maps, detections and image pixels come out. The crate is `no_std`, allocates
 //! nothing and contains no `unsafe`. Processing stages work on slices whose lengths are checked at run time.
-//! Types that own memory ([`stream::FloatBuffers`] and its parts, [`accumulate::CoherentGrid`],
-//! [`accumulate::PowerMap`], [`selftest::SelfTest`]) carry their sizes as const generics and state their size in
+//! Types that own memory ([`stream::FloatBuffers`] and its parts, [`selftest::SelfTest`]) carry their sizes as const generics and state their size in
 //! bytes as a constant, so the memory budget is known before the program runs. Stream buffers with invalid
 //! sizes do not compile.
 //!

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use num_complex::{Complex32, Complex64};
 use subaperture_core::accumulate::{
-    AccumulateError, Centre, CoherentGrid, PixelGrid, PowerMap, add_map,
+    Centre, PixelGrid, add_map, add_power,
 };
 use subaperture_core::keystone::KeystoneTable;
 use subaperture_core::{Axes, Map, Params, Plan, Shape, Tables, Window};
@@ -242,7 +242,7 @@ fn on_a_bin_the_phase_is_exact() {
 #[test]
 fn sub_cpis_add_in_phase() {
     let point = [2.5, -1.5, 0.0];
-    let mut image = CoherentGrid::<9>::new();
+    let mut pixels = [Complex32::ZERO; 9];
     let grid = PixelGrid {
         origin_m: [1.5, -2.5, 0.0],
         column_step_m: [1.0, 0.0, 0.0],
@@ -250,7 +250,6 @@ fn sub_cpis_add_in_phase() {
         num_columns: 3,
         num_rows: 3,
     };
-    image.set_grid(&grid).unwrap();
     let antenna = |m: f64| [0.25 * (m - 64.0), -3000.0, 1000.0];
     for first in (0..128).step_by(16) {
         let pulses: Vec<_> = (first..first + 16)
@@ -265,14 +264,15 @@ fn sub_cpis_add_in_phase() {
         let map = map_of(&pulses, 256, 128);
         let mean_pulse = f64::from(first) + 7.5;
         let centre = Centre::monostatic(antenna(mean_pulse), [0.25, 0.0, 0.0], [0.0; 3]);
-        assert_eq!(image.accumulate(&map.view(), &centre, 1.0 / 8.0), 9);
+        let reached = add_map(&mut pixels, &grid, &map.view(), &centre, 1.0 / 8.0);
+        assert_eq!(reached, Ok(9));
     }
     // Bilinear bound as above, 0.0130. Curvature of the relative path over 16 pulses: the reference compensates all except
     // terms in x^2 d / R^2, (2 m)^2 * 2.5 m / (3162 m)^2 * 2 = 2e-6 m, 4e-4 rad.
-    let centre = image.pixels()[4];
+    let centre = pixels[4];
     assert!((centre - 1.0).norm() < 0.0135, "{centre}");
     // The resolution is C / (2 * 200 MHz) = 0.75 m and about 1.4 m: the corners are off the main lobe.
-    assert!(image.pixels()[0].norm() < 0.5);
+    assert!(pixels[0].norm() < 0.5);
 }
 
 #[test]
@@ -309,54 +309,35 @@ fn pixels_outside_map_have_no_contribution() {
 }
 
 #[test]
-fn capacity_and_shape_are_checked() {
-    let mut image = CoherentGrid::<8>::new();
-    let mut grid = one_pixel([0.0; 3]);
-    (grid.num_columns, grid.num_rows) = (4, 2);
-    image.set_grid(&grid).unwrap();
-    for (columns, rows, wanted) in [(3, 3, 9), (usize::MAX, 2, usize::MAX)] {
-        let big = PixelGrid {
-            num_columns: columns,
-            num_rows: rows,
-            ..grid
-        };
-        let error = image.set_grid(&big).unwrap_err();
-        assert_eq!(
-            error,
-            AccumulateError::Capacity {
-                capacity: 8,
-                wanted
-            }
-        );
-        assert_eq!(image.grid(), &grid);
-        assert_eq!(image.pixels().len(), 8);
-    }
-
-    let shape = |bins| Shape {
+fn lengths_are_checked_and_powers_add() {
+    let shape = Shape {
         num_pulses: 2,
         num_frequencies: 2,
-        num_range_bins: bins,
+        num_range_bins: 4,
         num_doppler_bins: 2,
     };
-    let axes = |bins| Axes::new(shape(bins), 1.0e9, 1.0e6).unwrap();
     // n maps of 3 + 4j: 25 n in float32 is exact.
-    let samples = [Complex32::new(3.0, 4.0); 16];
-    let mut power = PowerMap::<8>::new();
-    let too_big = Map::new(axes(8), &samples).unwrap();
-    assert!(matches!(
-        power.accumulate(&too_big),
-        Err(AccumulateError::Capacity { wanted: 16, .. })
-    ));
-    assert!(power.power().is_empty());
-    let map = Map::new(axes(4), &samples[..8]).unwrap();
+    let samples = [Complex32::new(3.0, 4.0); 8];
+    let map = Map::new(Axes::new(shape, 1.0e9, 1.0e6).unwrap(), &samples).unwrap();
+    let centre = Centre::monostatic([0.0; 3], [0.0; 3], [0.0, 1000.0, 0.0]);
+    let grid = PixelGrid {
+        num_columns: 4,
+        num_rows: 2,
+        ..one_pixel([0.0; 3])
+    };
+    let mut few = [Complex32::ZERO; 7];
+    assert!(add_map(&mut few, &grid, &map, &centre, 1.0).is_err());
+    let endless = PixelGrid {
+        num_columns: usize::MAX,
+        ..grid
+    };
+    assert!(add_map(&mut few, &endless, &map, &centre, 1.0).is_err());
+    assert_eq!(few, [Complex32::ZERO; 7]);
+
+    let mut power = [0.0; 8];
     for _ in 0..1000 {
-        power.accumulate(&map).unwrap();
+        add_power(&mut power, map.samples()).unwrap();
     }
-    assert!(matches!(
-        power.accumulate(&Map::new(axes(2), &samples[..4]).unwrap()),
-        Err(AccumulateError::Shape { .. })
-    ));
-    assert_eq!((power.power(), power.num_maps()), (&[25e3; 8][..], 1000));
-    power.clear();
-    assert_eq!((power.power(), power.num_maps()), (&[][..], 0));
+    assert_eq!(power, [25e3; 8]);
+    assert!(add_power(&mut power[..7], map.samples()).is_err());
 }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
 use subaperture_core::accumulate::{
-    AccumulateError, CoherentGrid, Kernel, PixelGrid, PowerMap, add_patch_map,
+    Kernel, PixelGrid, add_patch_map,
 };
 use subaperture_core::stream::{
     BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, Setup, nodes, power_of_two,
@@ -254,11 +254,11 @@ fn chip_of_one_sub_cpi_matches_exact_sum() {
         weight: f32,
     ) -> Vec<Complex32> {
         let kernel = Kernel::<TAPS, PHASES>::new();
-        let mut chip = CoherentGrid::<1000>::new();
-        chip.set_grid(grid).unwrap();
-        let all = chip.pixels().len();
-        assert_eq!(chip.accumulate_patch(&SETUP, map, &kernel, weight), all);
-        chip.pixels().to_vec()
+        let mut chip = vec![Complex32::ZERO; grid.num_pixels().unwrap()];
+        let all = chip.len();
+        let reached = add_patch_map(&mut chip, grid, &SETUP, map, &kernel, weight);
+        assert_eq!(reached, Ok(all));
+        chip
     }
     let linear: Vec<_> = bilinear(&map, &grid).iter().map(|z| z * weight).collect();
     for (name, pixels, bound_db) in [
@@ -288,8 +288,7 @@ fn sub_cpis_and_patches_sum_to_whole_image() {
             ..PATCH
         };
         let grid = grid(centre, 19, 23);
-        let mut chip = CoherentGrid::<500>::new();
-        chip.set_grid(&grid).unwrap();
+        let mut chip = vec![Complex32::ZERO; grid.num_pixels().unwrap()];
         for (pulses, samples) in pulses.chunks(12).zip(samples.chunks(12 * F)) {
             let values = map_of(pulses, samples, &patch);
             let map = PatchMap {
@@ -297,11 +296,11 @@ fn sub_cpis_and_patches_sum_to_whole_image() {
                 samples: MapSamples::Float(&values),
             };
             let weight = pulses.len() as f32 / total;
-            let reached = chip.accumulate_patch(&SETUP, &map, &kernel, weight);
-            assert_eq!(reached, chip.pixels().len());
+            let reached = add_patch_map(&mut chip, &grid, &SETUP, &map, &kernel, weight);
+            assert_eq!(reached, Ok(chip.len()));
         }
         let exact = exact(&pulses, &samples, &grid);
-        let db = difference_db(chip.pixels(), &exact);
+        let db = difference_db(&chip, &exact);
         println!("patch at {centre:?}: {db:.1} dB");
         assert!(db < -60.0);
         // One point in each half: the phase is checked too.
@@ -310,25 +309,24 @@ fn sub_cpis_and_patches_sum_to_whole_image() {
         } else {
             POINTS[2]
         };
-        let mut pixel = CoherentGrid::<1>::new();
-        pixel
-            .set_grid(&PixelGrid {
-                origin_m: point,
-                num_columns: 1,
-                num_rows: 1,
-                ..grid
-            })
-            .unwrap();
+        let mut pixel = [Complex32::ZERO];
+        let at_point = PixelGrid {
+            origin_m: point,
+            num_columns: 1,
+            num_rows: 1,
+            ..grid
+        };
         for (pulses, samples) in pulses.chunks(12).zip(samples.chunks(12 * F)) {
             let values = map_of(pulses, samples, &patch);
             let map = PatchMap {
                 header: header_of(pulses, &patch),
                 samples: MapSamples::Float(&values),
             };
-            pixel.accumulate_patch(&SETUP, &map, &kernel, pulses.len() as f32 / total);
+            let weight = pulses.len() as f32 / total;
+            add_patch_map(&mut pixel, &at_point, &SETUP, &map, &kernel, weight).unwrap();
         }
         let expected = Complex64::cis(TAU * turns);
-        let pixel = pixel.pixels()[0];
+        let pixel = pixel[0];
         let error = (Complex64::new(pixel.re.into(), pixel.im.into()) - expected).norm();
         // The difference is the sidelobes of the other five points, some resolution cells off in both axes.
         println!("point {point:?}: {pixel:.3}, {error:.3} from {expected:.3}");
@@ -483,37 +481,11 @@ fn fixed_point_maps_accumulate_like_float_maps() {
     let kernel = Kernel::<8, 128>::new();
     let [float, fixed] = [MapSamples::Float(&floats), MapSamples::Fixed(fixed)].map(|samples| {
         let map = PatchMap { header, samples };
-        let mut chip = CoherentGrid::<1000>::new();
-        chip.set_grid(&grid).unwrap();
-        assert_eq!(chip.accumulate_patch(&SETUP, &map, &kernel, 1.0), 37 * 23);
-        let mut power = PowerMap::<2000>::new();
-        power.accumulate_patch(&map).unwrap();
-        power.accumulate_patch(&map).unwrap();
-        assert_eq!((power.num_maps(), power.bins()), (2, [27, 41]));
-        (chip.pixels().to_vec(), power.power().to_vec())
+        let mut chip = vec![Complex32::ZERO; 37 * 23];
+        let reached = add_patch_map(&mut chip, &grid, &SETUP, &map, &kernel, 1.0);
+        assert_eq!(reached, Ok(37 * 23));
+        chip
     });
     // A scale that is a power of two causes no rounding: the products are equal.
     assert_eq!(float, fixed);
-    for (power, value) in float.1.iter().zip(&floats) {
-        assert_eq!(*power, 2.0 * value.norm_sqr());
-    }
-    let mut small = PowerMap::<1000>::new();
-    let map = PatchMap {
-        header,
-        samples: MapSamples::Float(&floats),
-    };
-    let wanted = 27 * 41;
-    assert_eq!(
-        small.accumulate_patch(&map),
-        Err(AccumulateError::Capacity {
-            capacity: 1000,
-            wanted
-        })
-    );
-    let ones = [Complex32::ONE; 17];
-    small.accumulate_patch(&at_rest(&ones, 8)).unwrap();
-    let error = small.accumulate_patch(&at_rest(&ones, 3)).unwrap_err();
-    let text = "map shape: expected 1 Doppler x 17 range bins like the maps before, found 1 x 7";
-    assert_eq!(error.to_string(), text);
-    assert_eq!(small.power(), [1.0; 17]);
 }

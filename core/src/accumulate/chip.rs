@@ -28,7 +28,7 @@
 use num_complex::Complex32;
 
 use super::coherent::add_pixels;
-use super::{CoherentGrid, Kernel, PixelGrid};
+use super::{Kernel, PixelGrid};
 use crate::pulse::distance_m;
 use crate::stream::{Node, PatchMap, Setup, node_offset_pulses};
 use crate::{LengthError, SPEED_OF_LIGHT_M_S, Turns};
@@ -38,6 +38,45 @@ use crate::{LengthError, SPEED_OF_LIGHT_M_S, Turns};
 pub type ChipKernel = Kernel<10, 64>;
 
 /// Add `weight` times a patch map to the pixels of `grid`. Returns the number of pixels inside the map.
+///
+/// ```
+/// use subaperture_core::Complex32;
+/// use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
+/// use subaperture_core::stream::{MapHeader, MapSamples, Node, Patch, PatchMap, Setup};
+///
+/// let grid = PixelGrid {
+///     origin_m: [0.0, 1000.0, 0.0],
+///     column_step_m: [0.0; 3],
+///     row_step_m: [0.0; 3],
+///     num_columns: 1,
+///     num_rows: 1,
+/// };
+/// let patch = Patch { centre_m: [0.0, 1000.0, 0.0], range_reach: 1, doppler_reach: 0 };
+/// let header = MapHeader {
+///     sub_cpi: 0,
+///     patch_index: 0,
+///     num_pulses: 1,
+///     patch,
+///     time_s: [0.0; 2],
+///     weight_sum: 1.0,
+///     nodes: [Node::default(); 2],
+/// };
+/// let samples = [Complex32::ZERO, Complex32::I, Complex32::ZERO];
+/// let map = PatchMap { header, samples: MapSamples::Float(&samples) };
+/// let setup = Setup {
+///     num_pulses: 1,
+///     num_frequencies: 2,
+///     range_length: 4,
+///     doppler_length: 2,
+///     start_hz: 1e9,
+///     step_hz: 1e6,
+/// };
+/// // The pixel is at the patch centre: on a bin and without phase.
+/// let mut pixels = [Complex32::ZERO];
+/// assert_eq!(add_patch_map(&mut pixels, &grid, &setup, &map, &ChipKernel::new(), 0.5)?, 1);
+/// assert_eq!(pixels[0], Complex32::new(0.0, 0.5));
+/// # Ok::<(), subaperture_core::LengthError>(())
+/// ```
 ///
 /// # Errors
 /// [`LengthError`] if `pixels` does not have one element per pixel of the grid. Nothing is then written.
@@ -58,60 +97,6 @@ pub fn add_patch_map<const TAPS: usize, const PHASES: usize>(
         let value = interpolate(map, kernel, -b * doppler_bins, a * range_bins)?;
         Some(value * (Turns::from_f64(wavenumber * a).phasor() * weight))
     })
-}
-
-impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
-    /// Add `weight` times a patch map. Returns the number of pixels inside the map.
-    ///
-    /// ```
-    /// use subaperture_core::Complex32;
-    /// use subaperture_core::accumulate::{CoherentGrid, Kernel, PixelGrid};
-    /// use subaperture_core::stream::{MapHeader, MapSamples, Node, Patch, PatchMap, Setup};
-    ///
-    /// let mut chip = CoherentGrid::<1>::new();
-    /// chip.set_grid(&PixelGrid {
-    ///     origin_m: [0.0, 1000.0, 0.0],
-    ///     column_step_m: [0.0; 3],
-    ///     row_step_m: [0.0; 3],
-    ///     num_columns: 1,
-    ///     num_rows: 1,
-    /// })?;
-    /// let patch = Patch { centre_m: [0.0, 1000.0, 0.0], range_reach: 1, doppler_reach: 0 };
-    /// let header = MapHeader {
-    ///     sub_cpi: 0,
-    ///     patch_index: 0,
-    ///     num_pulses: 1,
-    ///     patch,
-    ///     time_s: [0.0; 2],
-    ///     weight_sum: 1.0,
-    ///     nodes: [Node::default(); 2],
-    /// };
-    /// let samples = [Complex32::ZERO, Complex32::I, Complex32::ZERO];
-    /// let map = PatchMap { header, samples: MapSamples::Float(&samples) };
-    /// let setup = Setup {
-    ///     num_pulses: 1,
-    ///     num_frequencies: 2,
-    ///     range_length: 4,
-    ///     doppler_length: 2,
-    ///     start_hz: 1e9,
-    ///     step_hz: 1e6,
-    /// };
-    /// // The pixel is at the patch centre: on a bin and without phase.
-    /// assert_eq!(chip.accumulate_patch(&setup, &map, &Kernel::<8, 64>::new(), 0.5), 1);
-    /// assert_eq!(chip.pixels()[0], Complex32::new(0.0, 0.5));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn accumulate_patch<const TAPS: usize, const PHASES: usize>(
-        &mut self,
-        setup: &Setup,
-        map: &PatchMap<'_>,
-        kernel: &Kernel<TAPS, PHASES>,
-        weight: f32,
-    ) -> usize {
-        let (grid, pixels) = self.parts();
-        // Cannot fail: the pixels have the length of the grid.
-        add_patch_map(pixels, grid, setup, map, kernel, weight).unwrap_or(0)
-    }
 }
 
 /// Linear approximation of the path over a sub-CPI, relative to the patch centre.

@@ -23,10 +23,32 @@
 
 use num_complex::Complex32;
 
-use super::{AccumulateError, Centre, PixelGrid};
+use super::{Centre, PixelGrid};
 use crate::{LengthError, Map, SPEED_OF_LIGHT_M_S, Turns};
 
 /// Add `weight` times a map to the pixels of `grid`. Returns the number of pixels inside the map.
+///
+/// ```
+/// use subaperture_core::accumulate::{Centre, PixelGrid, add_map};
+/// use subaperture_core::{Axes, Complex32, Map, Shape};
+///
+/// let grid = PixelGrid {
+///     origin_m: [0.0, 1000.0, 0.0],
+///     column_step_m: [1.0, 0.0, 0.0],
+///     row_step_m: [0.0, 1.0, 0.0],
+///     num_columns: 3,
+///     num_rows: 2,
+/// };
+/// // A map of ones, referenced to the first pixel's path: there it has the value 1 with phase 0.
+/// let shape = Shape { num_pulses: 4, num_frequencies: 4, num_range_bins: 4, num_doppler_bins: 4 };
+/// let ones = [Complex32::ONE; 16];
+/// let map = Map::new(Axes::new(shape, 1.0e9, 1.0e6)?, &ones)?;
+/// let centre = Centre::monostatic([0.0; 3], [0.1, 0.0, 0.0], [0.0, 1000.0, 0.0]);
+/// let mut pixels = [Complex32::ZERO; 6];
+/// assert_eq!(add_map(&mut pixels, &grid, &map, &centre, 1.0)?, 6);
+/// assert_eq!(pixels[0], Complex32::ONE);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// [`LengthError`] if `pixels` does not have one element per pixel of the grid. Nothing is then written.
@@ -72,102 +94,4 @@ pub(super) fn add_pixels(
         }
     }
     Ok(inside)
-}
-
-/// Image buffer of at most `CAPACITY` pixels with any number of rows and columns.
-///
-/// ```
-/// use subaperture_core::accumulate::{CoherentGrid, Centre, PixelGrid};
-/// use subaperture_core::{Axes, Complex32, Map, Shape};
-///
-/// let mut image = CoherentGrid::<6>::new();
-/// image.set_grid(&PixelGrid {
-///     origin_m: [0.0, 1000.0, 0.0],
-///     column_step_m: [1.0, 0.0, 0.0],
-///     row_step_m: [0.0, 1.0, 0.0],
-///     num_columns: 3,
-///     num_rows: 2,
-/// })?;
-/// // A map of ones, referenced to the first pixel's path: there it has the value 1 with phase 0.
-/// let shape = Shape { num_pulses: 4, num_frequencies: 4, num_range_bins: 4, num_doppler_bins: 4 };
-/// let ones = [Complex32::ONE; 16];
-/// let map = Map::new(Axes::new(shape, 1.0e9, 1.0e6)?, &ones)?;
-/// let centre = Centre::monostatic([0.0; 3], [0.1, 0.0, 0.0], [0.0, 1000.0, 0.0]);
-/// assert_eq!(image.accumulate(&map, &centre, 1.0), 6);
-/// assert_eq!(image.pixels()[0], Complex32::ONE);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Debug)]
-pub struct CoherentGrid<const CAPACITY: usize> {
-    grid: PixelGrid,
-    /// Pixels of the grid, followed by unused elements.
-    pixels: [Complex32; CAPACITY],
-    num_pixels: usize,
-}
-
-impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
-    /// Size in bytes.
-    pub const BYTES: usize = size_of::<Self>();
-
-    /// Create an empty grid without pixels.
-    pub const fn new() -> Self {
-        Self {
-            grid: PixelGrid {
-                origin_m: [0.0; 3],
-                column_step_m: [0.0; 3],
-                row_step_m: [0.0; 3],
-                num_columns: 0,
-                num_rows: 0,
-            },
-            pixels: [Complex32::ZERO; CAPACITY],
-            num_pixels: 0,
-        }
-    }
-
-    /// Start an image on `grid` with all pixels zero.
-    ///
-    /// # Errors
-    /// [`AccumulateError::Capacity`] if the grid has more than `CAPACITY` pixels. The current image is then kept.
-    pub fn set_grid(&mut self, grid: &PixelGrid) -> Result<(), AccumulateError> {
-        let wanted = grid.num_pixels().unwrap_or(usize::MAX);
-        let Some(pixels) = self.pixels.get_mut(..wanted) else {
-            return Err(AccumulateError::Capacity {
-                capacity: CAPACITY,
-                wanted,
-            });
-        };
-        pixels.fill(Complex32::ZERO);
-        self.grid = *grid;
-        self.num_pixels = wanted;
-        Ok(())
-    }
-
-    /// Add `weight` times a map. Returns the number of pixels inside the map.
-    pub fn accumulate(&mut self, map: &Map<'_>, centre: &Centre, weight: f32) -> usize {
-        let (grid, pixels) = self.parts();
-        // Cannot fail: the pixels have the length of the grid.
-        add_map(pixels, grid, map, centre, weight).unwrap_or(0)
-    }
-
-    /// Pixel grid of the image.
-    pub fn grid(&self) -> &PixelGrid {
-        &self.grid
-    }
-
-    /// Pixels of the image, row-major.
-    pub fn pixels(&self) -> &[Complex32] {
-        self.pixels.get(..self.num_pixels).unwrap_or_default()
-    }
-
-    /// Grid and mutable pixels.
-    pub(super) fn parts(&mut self) -> (&PixelGrid, &mut [Complex32]) {
-        let pixels = self.pixels.get_mut(..self.num_pixels);
-        (&self.grid, pixels.unwrap_or_default())
-    }
-}
-
-impl<const CAPACITY: usize> Default for CoherentGrid<CAPACITY> {
-    fn default() -> Self {
-        Self::new()
-    }
 }
