@@ -2,7 +2,8 @@
 //!
 //! An archive holds the static command, man pages, shell completions, licences (those of every dependency included), README and CHANGELOG. Man
 //! pages and completions are written by the command itself, by the build for this machine's processor. Finished archives are unpacked and checked,
-//! and `subap demo` runs in the one for this machine, without any other file, and in the one for AArch64 under `qemu-aarch64`, which is installed if possible.
+//! and `subap demo` runs in the one for this machine, without any other file, and in the one for AArch64 on few pixels under
+//! `qemu-aarch64`, which is installed if possible.
 
 mod check;
 
@@ -117,7 +118,7 @@ fn check(place: &Path, archive: &str, native: &Path, is_native: bool) -> Result<
     if !is_native {
         match Need::QemuUser.is_met() {
             true => println!(
-                "{archive}: subap demo under qemu-aarch64:\n{}",
+                "{archive}: subap demo on few pixels under qemu-aarch64:\n{}",
                 unpacked.demo_emulated()?
             ),
             false => println!("{archive}: subap demo SKIPPED: qemu-aarch64 is not installed"),
