@@ -6,9 +6,7 @@ use subaperture::focus::beam::{Beam, BeamSource, InBeam};
 use subaperture::focus::formers::{self, FORMERS};
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::InMemory as Tiles;
-use subaperture::focus::{
-    BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Work,
-};
+use subaperture::focus::{BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, Task, Work};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::io::cphd::{self, WriteOptions};
 use subaperture::io::recording::{self, Raw};
@@ -145,14 +143,7 @@ fn every_former_keeps_bound_in_beam() {
             )
             .unwrap();
         assert!(weights.illumination.as_ref().unwrap().num_blocks() > 4);
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            numerics: Default::default(),
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-        };
+        let task = Task::new(&history, &grid, &weights);
         let formed = match former.form_best(&task) {
             Ok(formed) => formed,
             // A former that cannot form a block refuses.
@@ -193,21 +184,8 @@ fn tiles_of_stored_plan_in_beam_are_bit_identical_to_whole_image() {
                 Window::Hamming,
             )
             .unwrap();
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            numerics: Default::default(),
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
+        let task = Task::new(&history, &grid, &weights);
         let whole = former.form_planned(&task).unwrap().image.pixels;
         let text = Plan::new(&former, &spec, BoundPolicy::Allowed, &Silent)
             .unwrap()
@@ -259,14 +237,7 @@ fn weights_with_beam_and_former_without_beam_refuse_each_other() {
         .weights(history.collection(), &grid, Window::None, Window::None)
         .unwrap();
     let plain = Weights::new(history.collection(), Window::None, Window::None);
-    let task = |weights| Task {
-        history: &history,
-        grid: &grid,
-        weights,
-        numerics: Default::default(),
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-    };
+    let task = |weights| Task::new(&history, &grid, weights);
     let bp = formers::former("bp", &serde_json::json!({})).unwrap();
     let refused = bp.form(&task(&of_beam)).unwrap_err().to_string();
     assert!(refused.contains("those of a beam"), "{refused}");
