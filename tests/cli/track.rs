@@ -7,7 +7,7 @@ use glam::DVec2;
 use serde_json::Value;
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::track_csv;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{folder_with_recording, run, write_recording};
 
 /// An L-band radar with two receivers on a walk with inaccurate recorded positions.
 pub(super) const WALK: &str = r#"name = "walk"
@@ -69,10 +69,8 @@ fn peak_db(folder: &Path, image: &str) -> f64 {
 
 #[test]
 fn track_is_written_and_images_are_focused_on_it() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("walk", WALK);
     let at = folder.path();
-    fs::write(at.join("walk.toml"), WALK).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
     run(at, "track walk.cphd -o track.csv -v").succeeded();
     let text = fs::read_to_string(at.join("track.csv")).unwrap();
     assert_eq!(text.lines().count(), 162);
@@ -240,10 +238,8 @@ fn navigation_track_is_used_where_echoes_give_none() {
 
 #[test]
 fn track_fusion_reports_mismatched_inputs() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("walk", WALK);
     let at = folder.path();
-    fs::write(at.join("walk.toml"), WALK).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
     // On the recording's own positions the result is no worse than by the echoes alone.
     let ran = run(
         at,
@@ -318,8 +314,7 @@ fn track_fusion_reports_mismatched_inputs() {
     ] {
         let amplitude = format!("amplitude = \"0, 6, {out_cm} cm\"");
         let bent = WALK.replace("amplitude = \"0, 6, 0 cm\"", &amplitude);
-        fs::write(at.join("walk.toml"), bent).unwrap();
-        run(at, "simulate walk.toml -o walk.cphd").succeeded();
+        write_recording(at, "walk", bent);
         track("--navigation far.csv").failed(1, error);
     }
 }
@@ -428,10 +423,8 @@ fn shape_off_m(recording: &Path, track: &Path) -> (f64, usize) {
 /// An earlier version gave 78.7 m of track in place of 9.6 m, with a stated error of 3.6 mm.
 #[test]
 fn mover_among_four_reflectors_leaves_track_exact_and_its_velocity_is_reported() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("mpm", AMONG_MOVERS);
     let at = folder.path();
-    fs::write(at.join("mpm.toml"), AMONG_MOVERS).unwrap();
-    run(at, "simulate mpm.toml -o mpm.cphd").succeeded();
     let ran = run(at, "track mpm.cphd -o track.csv --json");
     let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let (off_m, blind) = shape_off_m(&at.join("mpm.cphd"), &at.join("track.csv"));
@@ -484,8 +477,7 @@ fn track_shape_is_independent_of_recorded_positions() {
         ("mpt", alone.clone()),
         ("mp", format!("{alone}{navigation}")),
     ] {
-        fs::write(at.join("scene.toml"), text).unwrap();
-        run(at, "simulate scene.toml -o scene.cphd").succeeded();
+        write_recording(at, "scene", text);
         let ran = run(at, "track scene.cphd -o track.csv --json");
         let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
         let (off_m, blind) = shape_off_m(&at.join("scene.cphd"), &at.join("track.csv"));
@@ -502,8 +494,7 @@ fn image_on_track_of_its_echoes_is_sharp_with_mover_in_scene() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let mover = "[[scene.mover]]\nkind = \"linear\"\nposition = \"-2, 7, 0 m\"\nvelocity = \"0.6, -0.3, 0 m/s\"\n\n[radar]\n";
-    fs::write(at.join("walk.toml"), WALK.replace("[radar]\n", mover)).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
+    write_recording(at, "walk", WALK.replace("[radar]\n", mover));
     let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
     let ran = run(
         at,

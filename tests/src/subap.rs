@@ -126,6 +126,21 @@ pub fn run(folder: &Path, line: &str) -> Ran {
     output.expect("subap starts").into()
 }
 
+/// Write a scenario and simulate its recording: `NAME.toml` and `NAME.cphd` in `folder`.
+#[track_caller]
+pub fn write_recording(folder: &Path, name: &str, scenario: impl AsRef<[u8]>) {
+    std::fs::write(folder.join(format!("{name}.toml")), scenario).expect("a scenario is written");
+    run(folder, &format!("simulate {name}.toml -o {name}.cphd")).succeeded();
+}
+
+/// Temporary folder with a scenario and its recording, as [`write_recording`] writes them.
+#[track_caller]
+pub fn folder_with_recording(name: &str, scenario: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write_recording(folder.path(), name, scenario);
+    folder
+}
+
 /// Every file and folder under `folder` with its size, to detect changes.
 pub fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
     let mut found = BTreeMap::new();
