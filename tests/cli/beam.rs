@@ -310,7 +310,7 @@ fn recording_without_a_beam_is_not_weighted() {
     // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. Output and record warn of ghosts; a narrower grid has
     // no warning.
     let ghosts = "ghosts of targets are possible about 45 m from them";
-    assert!(plain.stderr.contains(ghosts), "{}", plain.stderr);
+    plain.reports(ghosts);
     assert!(
         all["warnings"].to_string().contains(ghosts),
         "{}",

@@ -84,16 +84,19 @@ impl Ran {
         !self.stderr.lines().any(begins)
     }
 
+    /// Assert that standard error contains `part`.
+    #[track_caller]
+    pub fn reports(&self, part: &str) {
+        let stderr = &self.stderr;
+        assert!(stderr.contains(part), "no '{part}' in: {stderr}");
+    }
+
     /// Assert exit status `code` and a message that contains each of `parts`, without panic, backtrace or `Debug` output.
     #[track_caller]
     pub fn failed(&self, code: i32, parts: &[&str]) {
         assert_eq!(self.code, Some(code), "{self:?}");
         for part in parts {
-            assert!(
-                self.stderr.contains(part),
-                "no '{part}' in: {}",
-                self.stderr
-            );
+            self.reports(part);
         }
         for sign in [
             "panicked",
