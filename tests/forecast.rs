@@ -11,7 +11,6 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::RangeDopplerBackprojection;
 use subaperture::focus::{BoundPolicy, ImageFormer, Task};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::planner::forecast::forecast;
 use subaperture::signal::window::Window;
@@ -26,14 +25,7 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
     let history = Preset::Table41.simulate(&Variation::default());
     let grid = grid.parse().unwrap();
     let weights = Weights::new(history.collection(), Window::default(), Window::default());
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     let mut best = f64::INFINITY;
     for _ in 0..TRIES {
         let result = forecast(former, &task).unwrap().expect("an estimate");

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 /// An aeroplane passing three points, in an Earth frame.
 const SCENE: &str = r#"name = "three"
@@ -281,8 +281,7 @@ fn velocities_have_a_default_grid() {
     let moving = SCENE
         .replace("[[scene.point]]\nposition = \"2, 3, 0 m\"\n", "")
         .replace("[radar]", "[[scene.mover]]\nkind = \"linear\"\nposition = \"2, 3, 0 m\"\nvelocity = \"0, 0.4, 0 m/s\"\n\n[radar]");
-    fs::write(at.join("moving.toml"), moving).unwrap();
-    run(at, "simulate moving.toml -o moving.cphd").succeeded();
+    write_recording(at, "moving", moving);
     let result = json(at, "velocity moving.cphd --at 2,3 --out plane");
     let brightest = &result["brightest"]["velocity_m_s"];
     let resolution = result["resolution_m_s"]["v_y"].as_f64().unwrap();

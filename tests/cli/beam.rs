@@ -8,7 +8,7 @@ use subaperture::io::cphd::{self, Channel, WriteOptions};
 use subaperture::io::npy;
 use subaperture::monitor::Silent;
 use subaperture::simulate::scenario::Scenario;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 /// Half-power width of each antenna, degrees.
 const WIDTH_DEG: f64 = 2.0;
@@ -116,8 +116,7 @@ fn mean(angle_deg: f64) -> f64 {
 fn beam_suppresses_azimuth_ambiguities_and_keeps_the_scale() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    fs::write(at.join("strip.toml"), strip()).unwrap();
-    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    write_recording(at, "strip", strip());
     let ghost_m = WAVELENGTH_M * RANGE_M / (2.0 * SPEED_M_S * PRI_S);
     let ghost_deg = (ghost_m / RANGE_M).asin().to_degrees();
     let ghosts = |image: &Image| {
@@ -156,8 +155,7 @@ fn beam_suppresses_azimuth_ambiguities_and_keeps_the_scale() {
 fn pixels_outside_the_beam_are_zero_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    fs::write(at.join("strip.toml"), strip()).unwrap();
-    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    write_recording(at, "strip", strip());
     let grid = "--grid x=100:160:1,y=999:1001.1:1 -a bp --out edge";
     let edge = run(at, &format!("focus strip.cphd {grid} --beam 2deg"));
     edge.succeeded();
@@ -302,8 +300,7 @@ fn recording_without_a_beam_is_not_weighted() {
         })
         .map(str::to_owned)
         .collect();
-    fs::write(at.join("all.toml"), isotropic.join("\n")).unwrap();
-    run(at, "simulate all.toml -o all.cphd").succeeded();
+    write_recording(at, "all", isotropic.join("\n"));
     let grid = "--grid x=-60:60.1:0.5,y=999:1001.1:1 -a bp";
     let plain = run(at, &format!("focus all.cphd {grid} --out image"));
     plain.succeeded();
@@ -313,7 +310,7 @@ fn recording_without_a_beam_is_not_weighted() {
     // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. Output and record warn of ghosts; a narrower grid has
     // no warning.
     let ghosts = "ghosts of targets are possible about 45 m from them";
-    assert!(plain.stderr.contains(ghosts), "{}", plain.stderr);
+    plain.reports(ghosts);
     assert!(
         all["warnings"].to_string().contains(ghosts),
         "{}",

@@ -173,11 +173,7 @@ fn faults_are_reported_marked_and_left_out_of_profiles() {
         "capture faults.toml -o faults --set plan.sweeps=2 --json",
     );
     let result = json(&ran);
-    assert!(
-        ran.stderr.contains("warning: of 100 steps "),
-        "{}",
-        ran.stderr
-    );
+    ran.reports("warning: of 100 steps ");
     let recording = Recording::open(&at.join("faults")).unwrap();
     let marked = recording
         .steps()

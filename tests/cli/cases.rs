@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use subaperture_tests::subap::{root, run};
+use subaperture_tests::subap::{folder_with_recording, root, run};
 use tempfile::TempDir;
 
 /// A copy of a case, or `None` with a message.
@@ -288,10 +288,8 @@ fix_rate = "20 Hz"
 
 /// Predicted error of the image of [`TRUCK`] by default settings, dB.
 fn truck_error_db(grid: &str) -> f64 {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("truck", TRUCK);
     let at = folder.path();
-    fs::write(at.join("truck.toml"), TRUCK).unwrap();
-    run(at, "simulate truck.toml -o truck.cphd").succeeded();
     run(at, &format!("focus truck.cphd --out truck{grid}")).succeeded();
     let record = fs::read(at.join("truck/image.json")).unwrap();
     let record: Value = serde_json::from_slice(&record).unwrap();
@@ -353,10 +351,8 @@ velocity = "125, 0, 0 m/s"
 
 #[test]
 fn gmti_has_both_channels_of_its_scenario() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("gmti", GMTI);
     let at = folder.path();
-    fs::write(at.join("gmti.toml"), GMTI).unwrap();
-    run(at, "simulate gmti.toml -o gmti.cphd").succeeded();
     let ran = run(at, "info gmti.cphd --json");
     let info: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let channels = info["containers"][0]["channels"].as_array().unwrap();

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 const MIMO: &str = r#"name = "array"
 
@@ -191,8 +191,7 @@ fn incompatible_channels_are_refused() {
     run(at, "plan module --ram 512K mimo.cphd --channels all").failed(2, &["--channel "]);
     // An incomplete last cycle gives the transmitters different numbers of pulses.
     let text = MIMO.replace("pulses = 256", "pulses = 255");
-    fs::write(at.join("odd.toml"), text).unwrap();
-    run(at, "simulate odd.toml -o odd.cphd").succeeded();
+    write_recording(at, "odd", text);
     refuse(
         "focus odd.cphd --channels all",
         1,

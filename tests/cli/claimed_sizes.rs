@@ -10,7 +10,7 @@ use std::time::Duration;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use serde_json::json;
-use subaperture_tests::subap::{command, run};
+use subaperture_tests::subap::{command, write_recording};
 
 use crate::memory::{self, peak_of};
 
@@ -301,8 +301,7 @@ fn limited(at: &Path, line: &str) -> (Option<i32>, String, f64) {
 fn claimed_sizes_are_refused_within_memory_and_address_space() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    fs::write(at.join("few.toml"), memory::SCENARIO).unwrap();
-    run(at, "simulate few.toml -o few.cphd").succeeded();
+    write_recording(at, "few", memory::SCENARIO);
     let picture = "\n[[scene.clutter]]\nkind = \"picture\"\nfile = \"scene.png\"\nx = \"-30, 30 m\"\ny = \"-30, 30 m\"\nsigma0 = \"-20 dB\"\ncount = 100\n";
     fs::write(
         at.join("picture.toml"),

@@ -5,7 +5,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use serde_json::Value;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 /// A satellite that sees the scene from `position` (three numbers with a unit) and flies along `velocity`.
 fn scene(position: &str, velocity: &str) -> String {
@@ -46,8 +46,7 @@ const SOUTH: [&str; 2] = ["60, -480, 350 km", "7500, 0, 0 m/s"];
 
 /// Simulates the scene as `space.cphd`.
 fn simulate(at: &Path, [position, velocity]: [&str; 2]) {
-    fs::write(at.join("space.toml"), scene(position, velocity)).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
+    write_recording(at, "space", scene(position, velocity));
 }
 
 fn focus(at: &Path, name: &str, grid: &str) {

@@ -6,7 +6,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use subaperture_tests::subap::{Ran, command, run};
+use subaperture_tests::subap::{Ran, command, run, write_recording};
 
 use crate::memory::{self, measured, peak_of};
 
@@ -294,8 +294,7 @@ fn interrupted(at: &Path, line: &str) -> (Ran, f64, Duration) {
 fn inputs_that_never_end_are_refused_or_interrupted() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    fs::write(at.join("few.toml"), memory::SCENARIO).unwrap();
-    run(at, "simulate few.toml -o few.cphd").succeeded();
+    write_recording(at, "few", memory::SCENARIO);
     let mut inputs = Vec::new();
     for ending in ["", ".toml"] {
         let pipe = format!("pipe{ending}");

@@ -9,7 +9,7 @@ use subaperture::io::npy;
 use subaperture::io::product;
 use subaperture::monitor::Silent;
 use subaperture::sicd::{Formed, Georeference, Projection, Sicd, SicdFile};
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{folder_with_recording, run};
 
 /// Three points seen from 600 km by an X-band satellite squinted forward, in an Earth frame with rotated axes.
 const SPACE: &str = r#"name = "space & time"
@@ -58,10 +58,8 @@ fn sarkit(script: &str, arguments: &[PathBuf]) {
 
 #[test]
 fn exported_sicd_is_read_and_projected_by_sarkit() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     let mut list = String::new();
     for (name, grid) in [
         (
@@ -130,10 +128,8 @@ fn exported_sicd_is_read_and_projected_by_sarkit() {
 
 #[test]
 fn exported_sidd_is_read_and_placed_by_sarkit() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     run(
         at,
         "focus space.cphd --grid x=-20:20:0.4,y=-16:16:0.25 --out image",
@@ -237,10 +233,8 @@ fn of_kind(xml: &str, kind: &str, [range_m, cosine, speed_m_s]: [f64; 3]) -> Str
 /// made from.
 #[test]
 fn sicd_of_every_grid_kind_lies_where_sarkit_projects_it() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     let grid = "--grid x=-20:20:0.4,y=-16:16:0.25";
     run(at, &format!("focus space.cphd {grid} --out level")).succeeded();
     run(at, "export level -o level.nitf").succeeded();
@@ -326,10 +320,8 @@ fn sicd_of_every_grid_kind_lies_where_sarkit_projects_it() {
 /// The XML is the last part of a file, so a truncated file always lacks it.
 #[test]
 fn sicd_truncated_anywhere_is_reported_as_truncated() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     let grid = "--grid x=-2:2:0.4,y=-2:2:0.25 --window none --slow-window none";
     run(at, &format!("focus space.cphd {grid} --out small")).succeeded();
     run(at, "export small --format sicd -o whole.nitf").succeeded();
@@ -356,10 +348,8 @@ fn sicd_truncated_anywhere_is_reported_as_truncated() {
 
 #[test]
 fn inexpressible_images_are_refused_with_a_reason() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     run(
         at,
         "focus space.cphd --grid x=-20:20:4,y=-16:16:4 --out coarse",
@@ -388,10 +378,8 @@ fn inexpressible_images_are_refused_with_a_reason() {
 /// this program wrote it, and a folder that is not a group never.
 #[test]
 fn stacks_are_zarr_that_xarray_opens() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     // Wider than a tile, so that tiles at the edges are padded.
     let grid = "--grid x=-10:11.2:0.04,y=-5:5:0.25 --slow-window none";
     run(at, &format!("focus space.cphd {grid} --out one")).succeeded();
@@ -440,10 +428,8 @@ fn stacks_are_zarr_that_xarray_opens() {
 /// `focus --product` writes the same bytes as `export` from the same image.
 #[test]
 fn focus_writes_same_products_as_export() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("space", SPACE);
     let at = folder.path();
-    fs::write(at.join("space.toml"), SPACE).unwrap();
-    run(at, "simulate space.toml -o space.cphd").succeeded();
     let grid = "--grid x=-20:20:0.4,y=-16:16:0.25";
     let names = [
         "sicd.nitf",

@@ -10,7 +10,6 @@ use subaperture::io::npy;
 use subaperture::module::maps::{Arithmetic, Run, RunTotals};
 use subaperture::module::maps_file::MapWriter;
 use subaperture::module::plan::{ModuleCapacity, ModulePlan, ModuleProduct, Requirements};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{PointTargetHistory, Preset, Variation};
@@ -80,14 +79,7 @@ fn image_from_maps_is_an_image_product() {
     let image = npy::read(&at("image/image.npy")).unwrap();
     let (history, weights) = simulated();
     let grid: ImageGrid = GRID.parse().unwrap();
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     let measured_db = error_db(&image, &Exact.form(&task).unwrap().image);
     println!("{measured_db:.1} dB");
     assert!(measured_db <= -60.0, "{measured_db}");

@@ -50,11 +50,7 @@ fn damaged_log_reports_losses_and_gives_a_track() {
         "{printed}"
     );
     assert!(printed.contains("times are GPS"), "{printed}");
-    assert!(
-        ran.stderr.contains("2 truncated or damaged messages"),
-        "{}",
-        ran.stderr
-    );
+    ran.reports("2 truncated or damaged messages");
     let files: Vec<String> = listing(at)
         .keys()
         .filter_map(|path| path.file_name())
@@ -148,7 +144,7 @@ fn repeated_times_and_assumed_heights_are_warned_of() {
     fs::write(at.join("plain.nmea"), plain).unwrap();
     let ran = run(at, "navigation plain.nmea");
     assert!(ran.succeeded().contains("NMEA      8 records"));
-    assert!(ran.stderr.contains("heights assume 0 m"), "{}", ran.stderr);
+    ran.reports("heights assume 0 m");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use subaperture::describe::memory::parsed_bytes;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 use crate::memory::{self, measured};
 
@@ -159,8 +159,7 @@ fn edited(cphd: &[u8], edit: impl FnOnce(&str) -> String) -> Vec<u8> {
 }
 
 fn scenario(at: &Path) {
-    fs::write(at.join("x.toml"), memory::SCENARIO).unwrap();
-    run(at, "simulate x.toml -o x.cphd").succeeded();
+    write_recording(at, "x", memory::SCENARIO);
 }
 
 #[test]

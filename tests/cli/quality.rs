@@ -10,7 +10,7 @@ use subaperture::io::product;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
-use subaperture_tests::subap::{listing, run};
+use subaperture_tests::subap::{listing, run, write_recording};
 
 const GRID: &str = "--grid x=-8:8:0.28,y=-16:16:0.35";
 
@@ -198,8 +198,7 @@ velocity = "120, 0, 0 m/s"
 "#;
 
 fn squinted(at: &std::path::Path) {
-    fs::write(at.join("s.toml"), SQUINTED).unwrap();
-    run(at, "simulate s.toml -o s.cphd").succeeded();
+    write_recording(at, "s", SQUINTED);
 }
 
 /// Number at the JSON pointer `pointer` of a report.
@@ -363,8 +362,7 @@ fn theory_uses_beam_of_recording() {
     let at = folder.path();
     run(at, "simulate --example stripmap").succeeded();
     let text = subaperture::simulate::scenario::examples::text("stripmap").unwrap();
-    fs::write(at.join("strip.toml"), text).unwrap();
-    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    write_recording(at, "strip", text);
     run(
         at,
         "focus strip.cphd -o strip --grid x=-20:20:0.1,y=-10:30:0.3",

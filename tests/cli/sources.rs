@@ -4,7 +4,6 @@
 mod import_cycles;
 mod modules;
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -304,22 +303,6 @@ fn code_that_affects_bits_uses_no_platform_functions() {
     assert!(searched > 150, "{searched}");
 }
 
-/// Imports that are part of a circle: folder of the crate, importing and imported module, reason.
-const CIRCULAR: [(&str, &str, &str, &str); 2] = [
-    (
-        "host/focus/src",
-        "former",
-        "execute",
-        "a provided method of the trait forms an image by the list of formers",
-    ),
-    (
-        "host/focus/src",
-        "frequency_domain::motion::uneven",
-        "frequency_domain::axes",
-        "to be separated",
-    ),
-];
-
 /// Imports between files of a crate have one direction, as those between crates. A parent imports its children, or they import it.
 #[test]
 fn files_have_no_circular_imports() {
@@ -328,7 +311,6 @@ fn files_have_no_circular_imports() {
     let crates = hosts.chain(["core", "firmware"].map(|name| root().join(name)));
     let mut found = String::new();
     let mut searched = 0;
-    let mut used = BTreeSet::new();
     for folder in crates.map(|folder| folder.join("src")) {
         let files: Vec<(String, String)> = sources(&folder)
             .into_iter()
@@ -340,17 +322,7 @@ fn files_have_no_circular_imports() {
             .collect();
         searched += files.len();
         let place = folder.strip_prefix(root()).unwrap().display().to_string();
-        let mut imports = Imports::of(&files);
-        for exception in CIRCULAR.iter().filter(|exception| exception.0 == place) {
-            let (_, from, to, _) = exception;
-            if imports.is_circular(from, to) {
-                used.insert(exception);
-            }
-        }
-        for (_, from, to, _) in CIRCULAR.iter().filter(|exception| exception.0 == place) {
-            imports.remove(from, to);
-        }
-        for cycle in imports.cycles() {
+        for cycle in Imports::of(&files).cycles() {
             found += &format!("\nin {place}:\n    {}", cycle.join("\n    "));
         }
     }
@@ -359,11 +331,6 @@ fn files_have_no_circular_imports() {
         "these files import each other; move the shared items to a file below them:{found}"
     );
     assert!(searched > 300, "{searched}");
-    let unused = CIRCULAR
-        .iter()
-        .filter(|exception| !used.contains(exception));
-    let unused: Vec<_> = unused.collect();
-    assert!(unused.is_empty(), "no exception is needed for {unused:#?}");
 }
 
 /// Every option of the list exists, with its help and completion.

@@ -8,7 +8,7 @@ use std::process::Command;
 use glam::DVec3;
 use subaperture::io::cphd::{Cphd, ReferenceSurface};
 use subaperture_tests::dem::{degree_m, east_north_up_m, ecf_m};
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 /// Latitude, longitude (degrees), height above the ellipsoid (m) of the scene's origin.
 const ORIGIN: [f64; 3] = [-33.4, 149.2, 35.0];
@@ -133,8 +133,7 @@ fn removed_delay_agrees_with_the_atmosphere_profile() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let point = DVec3::new(-4.0, 6.0, 0.0);
-    fs::write(at.join("a.toml"), scenario(point)).unwrap();
-    run(at, "simulate a.toml -o a.cphd").succeeded();
+    write_recording(at, "a", scenario(point));
     let grid = "--grid x=-12:6:0.1,y=-6:14:0.05 --surface slant";
     let brightest = |name: &str| {
         let record = fs::read(at.join(name).join("image.json")).unwrap();

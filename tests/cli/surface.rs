@@ -9,7 +9,7 @@ use serde_json::Value;
 use subaperture::io::npy;
 use subaperture::io::product;
 use subaperture_tests::dem::{GeoTiff, degree_m, east_north_up_m, hgt, hgt_height_m};
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
@@ -135,8 +135,7 @@ fn reflector_on_hill_appears_at_its_position_with_surface() {
     let height_m = hgt_height_m(CORNER, side, REFLECTOR, hill_m) + GEOID_M;
     let true_m = stands_m(height_m);
     assert!(height_m > 250.0, "{height_m}");
-    fs::write(at.join("hill.toml"), scenario(true_m)).unwrap();
-    run(at, "simulate hill.toml -o hill.cphd").succeeded();
+    write_recording(at, "hill", scenario(true_m));
 
     // Without the ground: displaced towards the radar by the predicted layover.
     let over_m = laid_over_m(true_m);
@@ -234,8 +233,7 @@ fn geotiff_and_hgt_models_give_same_image() {
     };
     let height_m = height_of(REFLECTOR[0], REFLECTOR[1]);
     let true_m = stands_m(height_m);
-    fs::write(at.join("hill.toml"), scenario(true_m)).unwrap();
-    run(at, "simulate hill.toml -o hill.cphd").succeeded();
+    write_recording(at, "hill", scenario(true_m));
     let base = GeoTiff {
         size: [120, 110],
         origin: west_north,
@@ -354,8 +352,7 @@ fn points_on_ellipsoid_keep_their_positions() {
         "reference = \"0, 0, 0 m\"",
         &format!("reference = \"0, {}, 0 m\"", true_m.y),
     );
-    fs::write(at.join("far.toml"), text).unwrap();
-    run(at, "simulate far.toml -o far.cphd").succeeded();
+    write_recording(at, "far", text);
     let grid = grid(true_m).replace(":0.25", ":0.5");
     run(
         at,

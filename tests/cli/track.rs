@@ -7,7 +7,7 @@ use glam::DVec2;
 use serde_json::Value;
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::track_csv;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{Ran, folder_with_recording, run, write_recording};
 
 /// An L-band radar with two receivers on a walk with inaccurate recorded positions.
 pub(super) const WALK: &str = r#"name = "walk"
@@ -69,10 +69,8 @@ fn peak_db(folder: &Path, image: &str) -> f64 {
 
 #[test]
 fn track_is_written_and_images_are_focused_on_it() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("walk", WALK);
     let at = folder.path();
-    fs::write(at.join("walk.toml"), WALK).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
     run(at, "track walk.cphd -o track.csv -v").succeeded();
     let text = fs::read_to_string(at.join("track.csv")).unwrap();
     assert_eq!(text.lines().count(), 162);
@@ -205,45 +203,47 @@ fn track_fused_from_echoes_and_receiver_is_better_than_each() {
     assert!(at_reflector(at, "track.csv", "written")[0] < 0.1);
 }
 
-/// One reflector determines no track; a receiver with 2 mm of noise does.
-#[test]
-fn navigation_track_is_used_where_echoes_give_none() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path();
+/// Folder with a recording of [`WALK`] that has one reflector and `movers` only, and with a navigation receiver's log.
+fn lone_reflector(movers: &str) -> tempfile::TempDir {
     let (before, _) = WALK.split_once("[[scene.point]]").unwrap();
     let (_, after) = WALK.split_once("[radar]\n").unwrap();
     let point = "[[scene.point]]\nposition = \"1.9, 7.1, 0 m\"\n";
-    fs::write(
-        at.join("walk.toml"),
-        format!("{before}{point}\n[radar]\n{after}"),
-    )
-    .unwrap();
-    fs::write(at.join("receiver.csv"), log(0.05, place_m)).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
-    let focus = |more: &str| {
-        let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
-        run(
-            at,
-            &format!("focus walk.cphd {grid} --track fused --out image {more}"),
-        )
-    };
-    focus("").failed(1, &["reflector"]);
-    let ran = focus("--navigation receiver.csv --lever-arm -0.12675,0,0");
-    ran.succeeded();
-    assert!(
-        ran.stderr.contains("estimation from the echoes failed"),
-        "{}",
-        ran.stderr
+    let scene = format!("{before}{point}{movers}\n[radar]\n{after}");
+    let folder = folder_with_recording("walk", &scene);
+    fs::write(folder.path().join("receiver.csv"), log(0.05, place_m)).unwrap();
+    folder
+}
+
+/// Focus the recording of [`lone_reflector`].
+fn focus_walk(at: &Path, more: &str) -> Ran {
+    let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
+    run(at, &format!("focus walk.cphd {grid} --out image {more}"))
+}
+
+/// The image of [`lone_reflector`] on the navigation receiver's track is sharp.
+fn assert_sharp_by_navigation(at: &Path) {
+    let ran = focus_walk(
+        at,
+        "--track fused --navigation receiver.csv --lever-arm -0.12675,0,0",
     );
+    ran.succeeded();
+    ran.reports("estimation from the echoes failed");
     assert!(peak_db(at, "image") > -0.7, "{}", peak_db(at, "image"));
+}
+
+/// One reflector determines no track; a receiver with 2 mm of noise does.
+#[test]
+fn navigation_track_is_used_where_echoes_give_none() {
+    let folder = lone_reflector("");
+    let at = folder.path();
+    focus_walk(at, "--track fused").failed(1, &["reflector"]);
+    assert_sharp_by_navigation(at);
 }
 
 #[test]
 fn track_fusion_reports_mismatched_inputs() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("walk", WALK);
     let at = folder.path();
-    fs::write(at.join("walk.toml"), WALK).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
     // On the recording's own positions the result is no worse than by the echoes alone.
     let ran = run(
         at,
@@ -266,11 +266,7 @@ fn track_fusion_reports_mismatched_inputs() {
     // allowed.
     let widened = result["one_track"]["widened"].as_f64().unwrap();
     assert!((widened / 4.0 - 1.0).abs() < 0.24, "{widened}");
-    assert!(
-        ran.stderr.contains("deviates from the echoes by"),
-        "{}",
-        ran.stderr
-    );
+    ran.reports("deviates from the echoes by");
     fs::write(at.join("late.csv"), log(1.0, place_m).replace("\n", "\n10")).unwrap();
     track("--navigation late.csv").failed(
         1,
@@ -318,8 +314,7 @@ fn track_fusion_reports_mismatched_inputs() {
     ] {
         let amplitude = format!("amplitude = \"0, 6, {out_cm} cm\"");
         let bent = WALK.replace("amplitude = \"0, 6, 0 cm\"", &amplitude);
-        fs::write(at.join("walk.toml"), bent).unwrap();
-        run(at, "simulate walk.toml -o walk.cphd").succeeded();
+        write_recording(at, "walk", bent);
         track("--navigation far.csv").failed(1, error);
     }
 }
@@ -428,10 +423,8 @@ fn shape_off_m(recording: &Path, track: &Path) -> (f64, usize) {
 /// An earlier version gave 78.7 m of track in place of 9.6 m, with a stated error of 3.6 mm.
 #[test]
 fn mover_among_four_reflectors_leaves_track_exact_and_its_velocity_is_reported() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("mpm", AMONG_MOVERS);
     let at = folder.path();
-    fs::write(at.join("mpm.toml"), AMONG_MOVERS).unwrap();
-    run(at, "simulate mpm.toml -o mpm.cphd").succeeded();
     let ran = run(at, "track mpm.cphd -o track.csv --json");
     let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let (off_m, blind) = shape_off_m(&at.join("mpm.cphd"), &at.join("track.csv"));
@@ -484,8 +477,7 @@ fn track_shape_is_independent_of_recorded_positions() {
         ("mpt", alone.clone()),
         ("mp", format!("{alone}{navigation}")),
     ] {
-        fs::write(at.join("scene.toml"), text).unwrap();
-        run(at, "simulate scene.toml -o scene.cphd").succeeded();
+        write_recording(at, "scene", text);
         let ran = run(at, "track scene.cphd -o track.csv --json");
         let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
         let (off_m, blind) = shape_off_m(&at.join("scene.cphd"), &at.join("track.csv"));
@@ -502,8 +494,7 @@ fn image_on_track_of_its_echoes_is_sharp_with_mover_in_scene() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let mover = "[[scene.mover]]\nkind = \"linear\"\nposition = \"-2, 7, 0 m\"\nvelocity = \"0.6, -0.3, 0 m/s\"\n\n[radar]\n";
-    fs::write(at.join("walk.toml"), WALK.replace("[radar]\n", mover)).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
+    write_recording(at, "walk", WALK.replace("[radar]\n", mover));
     let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
     let ran = run(
         at,
@@ -523,36 +514,18 @@ fn image_on_track_of_its_echoes_is_sharp_with_mover_in_scene() {
 /// If all targets move, or only noise is left, no track is written, and the image is formed on the navigation track.
 #[test]
 fn failed_estimate_writes_no_track_and_image_uses_navigation() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path();
-    let (before, _) = WALK.split_once("[[scene.point]]").unwrap();
-    let (_, after) = WALK.split_once("[radar]\n").unwrap();
     let mover = |position: &str, velocity: &str| {
         format!(
             "[[scene.mover]]\nkind = \"linear\"\nposition = \"{position} m\"\nvelocity = \"{velocity} m/s\"\n"
         )
     };
-    let point = "[[scene.point]]\nposition = \"1.9, 7.1, 0 m\"\n";
     let two = mover("-3, 9, 0", "0.5, 0.2, 0") + &mover("-1, 10.4, 0", "-0.3, -0.3, 0");
-    let scene = format!("{before}{point}{two}\n[radar]\n{after}");
-    fs::write(at.join("walk.toml"), scene).unwrap();
-    fs::write(at.join("receiver.csv"), log(0.05, place_m)).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
+    let folder = lone_reflector(&two);
+    let at = folder.path();
     run(at, "track walk.cphd -o track.csv").failed(1, &["no track", "stand still"]);
     assert!(!at.join("track.csv").exists());
-    let focus = |more: &str| {
-        let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
-        run(at, &format!("focus walk.cphd {grid} --out image {more}"))
-    };
-    focus("--track mpga").failed(1, &["no track"]);
-    let ran = focus("--track fused --navigation receiver.csv --lever-arm -0.12675,0,0");
-    ran.succeeded();
-    assert!(
-        ran.stderr.contains("estimation from the echoes failed"),
-        "{}",
-        ran.stderr
-    );
-    assert!(peak_db(at, "image") > -0.7, "{}", peak_db(at, "image"));
+    focus_walk(at, "--track mpga").failed(1, &["no track"]);
+    assert_sharp_by_navigation(at);
 }
 
 /// Tracks of two receivers at 13 dB were once metres off without a warning. Noise levels range from those that allow a track to those that

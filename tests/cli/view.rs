@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use subaperture_tests::subap::{command, listing, run};
+use subaperture_tests::subap::{command, folder_with_recording, listing, run, write_recording};
 
 /// A running viewer, killed if a test fails.
 struct Served {
@@ -237,10 +237,8 @@ velocity = "125, 0, 0 m/s"
 /// Maps of a recording about its point: the peak is at the bin of the position, and a unit scatterer has 0 dB.
 #[test]
 fn range_doppler_maps_of_a_recording_are_shown() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("alone", ALONE);
     let at = folder.path();
-    fs::write(at.join("alone.toml"), ALONE).unwrap();
-    run(at, "simulate alone.toml -o alone.cphd").succeeded();
     run(
         at,
         "focus alone.cphd --grid x=-6:6:0.1,y=-5:5:0.1 --out image",
@@ -407,8 +405,7 @@ fn range_doppler_maps_larger_than_memory_are_refused() {
         .replace("pulses = 16", "pulses = 4096")
         .replace("10 ms", "100 us")
         .replace("samples = 64", "samples = 256");
-    fs::write(at.join("long.toml"), scenario).unwrap();
-    run(at, "simulate long.toml -o long.cphd").succeeded();
+    write_recording(at, "long", scenario);
     let line = "view image --maps long.cphd --sub-cpi 4096 --threads 2 --memory";
     run(at, &format!("{line} 64M")).failed(1, &["range-Doppler map", "--sub-cpi", "--memory"]);
     let served = Served::begin(at, &format!("{line} 256M"));

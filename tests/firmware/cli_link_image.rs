@@ -9,7 +9,6 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::npy;
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture_tests::error_db;
@@ -76,14 +75,7 @@ fn image_from_module_maps_keeps_default_bound() {
     let history = recording();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     let grid: ImageGrid = GRID.parse().unwrap();
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     let exact = Exact.form(&task).unwrap().image;
     for (arithmetic, elf) in ["float", "fixed"].iter().zip(application()) {
         let measured_db = error_db(&image(folder.path(), arithmetic, elf), &exact);

@@ -13,8 +13,7 @@ use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::plan::InMemory;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{
-    BoundPolicy, FormError, Formed, ImageFormer, ImageSpec, Plan, Remedy, SCRATCH_BYTES, Task,
-    Work, dark,
+    BoundPolicy, FormError, Formed, ImageFormer, ImageSpec, Plan, Remedy, Task, Work, dark,
 };
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
@@ -62,12 +61,8 @@ fn form(
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     former.form_asked(
         &Task {
-            history,
-            grid: &grid,
-            weights: &weights,
             memory_bytes: 1 << 28,
-            monitor: &Silent,
-            numerics: Default::default(),
+            ..Task::new(history, &grid, &weights)
         },
         bound_policy,
     )
@@ -160,13 +155,7 @@ fn stored_plan_for_a_recording_leaves_room_for_scatterers_outside_the_grid() {
     for bound_db in [-40.0, -45.0, -50.0, -60.0] {
         let former = FastFactorised { error_db: bound_db };
         let weights = Weights::new(history.collection(), Window::None, Window::None);
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let judged = |plan: &Plan| {
             let weights = plan.weights(history.collection()).unwrap();
             let opened = plan.open(history.collection(), &weights).unwrap();
@@ -267,26 +256,13 @@ fn dark_grid_gets_advice_that_suits_its_spacing() {
         ("x=-20:-10:0.2,y=10:20:0.2", Remedy::GridWith, "outside it"),
     ] {
         let grid: ImageGrid = text.parse().unwrap();
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let reason = dark::reason(&spec);
         println!("{text}: {reason}");
         assert_eq!(reason.remedies, [remedy]);
         assert!(reason.why.contains(why), "{reason}");
         // A refused image has the same remedy, listed before that of a stricter plan.
-        let error = match former.form(&Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        }) {
+        let error = match former.form(&Task::new(&history, &grid, &weights)) {
             Ok(formed) => {
                 println!("{text}: {:.1} dB", formed.predicted_error_db);
                 continue;

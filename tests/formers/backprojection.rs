@@ -39,12 +39,9 @@ impl Bench {
         monitor: &dyn Monitor,
     ) -> Result<Formed, FormError> {
         let task = Task {
-            history: &self.history,
-            grid: &self.grid,
-            weights: &self.weights,
             memory_bytes,
             monitor,
-            numerics: Default::default(),
+            ..Task::new(&self.history, &self.grid, &self.weights)
         };
         former.form_best(&task)
     }

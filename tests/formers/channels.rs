@@ -11,7 +11,6 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::rdbp::RangeDopplerBackprojection;
 use subaperture::focus::{FormError, Formed, ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{ChannelError, Channels, InMemory, Joined, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Experiment, Scatterer};
@@ -38,12 +37,12 @@ fn form(
     slow: Window,
 ) -> Result<Formed, FormError> {
     former.form(&Task {
-        history,
-        grid,
-        weights: &Weights::new(history.collection(), Window::None, slow),
         memory_bytes: 1 << 28,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(
+            history,
+            grid,
+            &Weights::new(history.collection(), Window::None, slow),
+        )
     })
 }
 

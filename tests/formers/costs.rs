@@ -3,9 +3,7 @@
 use serde_json::Value;
 use subaperture::focus::formers::FORMERS;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
-use subaperture::focus::{
-    BoundPolicy, Decision, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task,
-};
+use subaperture::focus::{BoundPolicy, Decision, ImageFormer, ImageSpec, Plan, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -29,13 +27,7 @@ fn grid(side: usize) -> ImageGrid {
 fn decide(former: &dyn ImageFormer, grid: &ImageGrid) -> Decision {
     let history = Preset::Table41.simulate(&Variation::default());
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let spec = ImageSpec {
-        collection: history.collection(),
-        grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let spec = ImageSpec::new(history.collection(), grid, &weights);
     let goal = former.goal(BoundPolicy::Allowed);
     former.decide(&spec, &goal, &Silent).unwrap()
 }
@@ -106,14 +98,7 @@ fn forecast_counts_both_comparisons_with_the_exact_sum() {
         ),
     ] {
         let grid = grid(side);
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(&history, &grid, &weights);
         for name in ["exact", "bp", "ffbp", "pfa"] {
             let former = listed(name);
             let cost = decide(&*former, &grid).cost;
@@ -235,13 +220,7 @@ fn plans_state_operations_and_memory() {
     for entry in &FORMERS {
         let former = entry.within(-60.0);
         let weights = Weights::new(history.collection(), Window::None, Window::None);
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let plan = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap();
         let text: Value = serde_json::from_str(&plan.to_text()).unwrap();
         let pixels = (plan.tile.rows * plan.tile.columns) as f64;

@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use serde_json::json;
-use subaperture::focus::SCRATCH_BYTES;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
@@ -52,13 +51,7 @@ fn compensated(
     compensation: &str,
 ) -> Result<Image, FormError> {
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let spec = ImageSpec {
-        collection: history.collection(),
-        grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let spec = ImageSpec::new(history.collection(), grid, &weights);
     let choices = FormerChoices::new(json!({ "compensation": compensation }));
     let forming = former.open(spec, &choices)?;
     let work = Work {
@@ -245,14 +238,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
         for former in [&OMEGA_K as &dyn ImageFormer, &RDA] {
             let grid = grid.parse().unwrap();
             let weights = Weights::new(history.collection(), Window::None, Window::None);
-            let refused = former.form(&Task {
-                history: &history,
-                grid: &grid,
-                weights: &weights,
-                memory_bytes: 1 << 30,
-                monitor: &Silent,
-                numerics: Default::default(),
-            });
+            let refused = former.form(&Task::new(&history, &grid, &weights));
             let error = refused.unwrap_err();
             assert!(matches!(error, FormError::BoundMissed { .. }), "{error}");
             assert!(error.to_string().contains("not straight"), "{error}");

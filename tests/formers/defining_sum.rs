@@ -8,7 +8,6 @@ use glam::DVec3;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep, Weights};
 use subaperture_tests::experiment::difference_db;
 use subaperture_tests::plain_history::{complex, pixels_m, plain_echoes, plain_sum};
@@ -89,14 +88,7 @@ impl Scene {
 
     /// Measured and predicted error of a former, dB.
     fn errors_db(&self, former: &dyn ImageFormer) -> [f64; 2] {
-        let task = Task {
-            history: &self.history,
-            grid: &self.grid,
-            weights: &self.weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(&self.history, &self.grid, &self.weights);
         let formed = former.form_best(&task).unwrap();
         assert!(!formed.bound_missed, "{}: bound missed", former.name());
         let measured_db = difference_db(&formed.image.pixels, &self.expected);

@@ -13,7 +13,6 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{FormError, Formed, ImageFormer, Remedy, Task};
 use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
@@ -93,12 +92,8 @@ fn form(
 ) -> Result<Formed, FormError> {
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     former.form_best(&Task {
-        history,
-        grid,
-        weights: &weights,
         memory_bytes: 64 << 20,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(history, grid, &weights)
     })
 }
 

@@ -6,8 +6,7 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::{ImageSink, InMemory, Sink};
 use subaperture::focus::{
-    BoundPolicy, Execution, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Tile,
-    TileRecord,
+    BoundPolicy, Execution, FormError, ImageFormer, ImageSpec, Plan, Task, Tile, TileRecord,
 };
 use subaperture::geometry::ImageGrid;
 use subaperture::image::ImageSource;
@@ -93,20 +92,10 @@ fn with_case(check: impl FnOnce(&FastFactorised, &Plan, &Execution<FastFactorise
     let history = Preset::Table41.simulate(&Variation::default());
     let grid: ImageGrid = GRID.parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let spec = ImageSpec {
-        collection: history.collection(),
-        grid: &grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let spec = ImageSpec::new(history.collection(), &grid, &weights);
     let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
         memory_bytes: 1 << 28,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(&history, &grid, &weights)
     };
     let (former, plan) = case(&spec, &task);
     let execution = Execution {

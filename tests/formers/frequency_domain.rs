@@ -271,12 +271,8 @@ fn stages_hold_the_documented_arrays() {
     let grid: ImageGrid = "x=-1:1.01:0.1,y=-1:1.01:0.1".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
         memory_bytes: 1 << 28,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(&history, &grid, &weights)
     };
     for rda in [true, false] {
         let mut stages: Vec<Kept> = Vec::new();

@@ -35,14 +35,7 @@ fn errors_on_a_thousand_pixels_keep_bound_and_brightest_point_is_resolved() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = "x=-50:50:0.2,y=-50:50:0.2,z=0".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
 
     // Knuth's generator: the same thousand pixels in every run.
     let mut state = 1u64;
@@ -105,14 +98,7 @@ fn errors_stated_in_guide_agree_with_measurement() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = "x=-50:50:0.2,y=-50:50:0.2,z=0".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     let form = |former: &dyn ImageFormer| former.form(&task).unwrap().image;
     let exact = form(&Exact);
     let rdbp = RangeDopplerBackprojection::default().error_db(-60.0);
@@ -140,14 +126,7 @@ fn ffbp_keeps_bound_on_vertical_plane() {
     let text = "x=-15:15:0.15,y=-10:10:0.15,z=0,cx=-15.6,cy=21.6,roll=90";
     let grid: ImageGrid = text.parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     // Every 17th pixel; 17 has no common factor with the row length.
     let chosen: Vec<usize> = (0..grid.num_pixels() as usize).step_by(17).collect();
     let points: Vec<DVec3> = chosen

@@ -1,75 +1,29 @@
 //! Every former restricted to a beam: against the plain sum over the pulses that illuminate each block, in tiles, and by a stored plan.
 
-use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::beam::{Beam, BeamSource, InBeam};
 use subaperture::focus::formers::{self, FORMERS};
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::InMemory as Tiles;
-use subaperture::focus::{
-    BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Work,
-};
-use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::focus::{BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, Task, Work};
+use subaperture::geometry::ImageGrid;
 use subaperture::io::cphd::{self, WriteOptions};
 use subaperture::io::recording::{self, Raw};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{
-    Collection, InMemory, PhaseHistory, Pulse, PulseRange, Sweep, Weights,
-};
+use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::prelude::{Backprojection, BeamChoice, Focusing};
 use subaperture::signal::window::Window;
 use subaperture::simulate::scenario::Scenario;
-use subaperture_tests::plain_history::{complex, plain_pulse, plain_sum};
-use subaperture_tests::plain_sum::hamming;
 
-const GRID: &str = "x=-24:20.6:0.6,y=297:303.1:0.75";
-const WIDTH_RAD: f64 = 0.07;
+use crate::beam_scene::{self, GRID, WIDTH_RAD};
+
 const SQUINT_RAD: f64 = 0.03;
 const PULSES: usize = 240;
 
 /// A straight strip past points, seen by a Gaussian beam squinted a few degrees forward.
 fn strip() -> InMemory {
-    let pulses = (0..PULSES).map(|n| {
-        let antenna_m = DVec3::new(0.4 * (n as f64 - 0.5 * PULSES as f64), 0.0, 60.0);
-        Pulse {
-            transmitter_m: antenna_m,
-            receiver_m: antenna_m,
-            reference_m: DVec3::ZERO,
-            reference_path_m: 0.0,
-            start_hz: 9.95e9,
-            step_hz: 3e6,
-            time_s: 0.01 * n as f64,
-            sweep: Sweep::AT_ONCE,
-        }
-    });
-    let collection = Collection {
-        name: "strip".to_owned(),
-        frame: SceneFrame::Local,
-        pulses: pulses.collect(),
-        num_samples: 32,
-        timed: true,
-        extent: None,
-    };
-    let points_m = [[-15.0, 299.0, 0.0], [0.3, 301.2, 0.0], [12.0, 300.0, 0.0]];
-    let mut samples = Vec::new();
-    for pulse in &collection.pulses {
-        let plain = plain_pulse(pulse, 1.0);
-        let seen = points_m.map(|point_m| {
-            let off = (sine(pulse, point_m.into()).asin() - SQUINT_RAD) / WIDTH_RAD;
-            (point_m, [(-4.0 * 2f64.ln() * off * off).exp(), 0.0])
-        });
-        for k in 0..collection.num_samples {
-            let [re, im] = plain.echo(k, &seen);
-            samples.push(Complex32::new(re as f32, im as f32));
-        }
-    }
+    let (collection, samples) = beam_scene::strip("strip", PULSES, |_| SQUINT_RAD);
     InMemory::new(collection, samples).unwrap()
-}
-
-/// Sine of the angle forward of broadside, for a track along x.
-fn sine(pulse: &Pulse, place_m: DVec3) -> f64 {
-    let from = place_m - pulse.transmitter_m;
-    from.x / from.length()
 }
 
 fn beam() -> Beam {
@@ -81,42 +35,17 @@ fn in_beam(name: &str) -> InBeam {
     InBeam::new(former, beam()).unwrap()
 }
 
-/// The plain sum at every pixel over the pulses whose beam covers the middle of the pixel's block, with this test's own Hamming window over
-/// these pulses.
+/// The plain sum over exactly the pulses whose beam covers the middle of each block.
 fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Complex64> {
-    let lit = weights.illumination.as_ref().unwrap();
-    let columns = grid.columns.count;
-    let mut values = vec![Complex64::ZERO; grid.rows.count * columns];
-    for block in 0..lit.num_blocks() {
-        let [rows, across] = lit.place(block);
-        let middle = [rows.start + rows.len() / 2, across.start + across.len() / 2];
-        let middle_m = grid.position_m(middle[0], middle[1]);
-        let pulses = &history.collection().pulses;
-        let sees =
-            |n: &usize| (sine(&pulses[*n], middle_m).asin() - SQUINT_RAD).abs() <= 0.5 * WIDTH_RAD;
-        let seeing: Vec<usize> = (0..PULSES).filter(sees).collect();
-        let range = seeing[0]..seeing[seeing.len() - 1] + 1;
-        assert_eq!(lit.pulses(block), range);
-        let part = PulseRange::new(history, range.clone());
-        let own = Weights {
-            fast: hamming(32),
-            slow: hamming(range.len()),
-            illumination: None,
-            windows: None,
-        };
-        let pixels: Vec<usize> = rows
-            .flat_map(|row| across.clone().map(move |column| row * columns + column))
-            .collect();
-        let points_m: Vec<[f64; 3]> = pixels
-            .iter()
-            .map(|i| grid.position_m(i / columns, i % columns).to_array())
-            .collect();
-        let sums = complex(&plain_sum(&part, &own).at(&points_m));
-        for (pixel, sum) in pixels.into_iter().zip(sums) {
-            values[pixel] = sum;
-        }
-    }
-    values
+    beam_scene::expected(
+        history,
+        grid,
+        weights,
+        |_| SQUINT_RAD,
+        |lit, sees| {
+            assert_eq!(*lit, sees[0]..sees[sees.len() - 1] + 1);
+        },
+    )
 }
 
 fn error_db(formed: &[Complex32], expected: &[Complex64]) -> f64 {
@@ -145,14 +74,7 @@ fn every_former_keeps_bound_in_beam() {
             )
             .unwrap();
         assert!(weights.illumination.as_ref().unwrap().num_blocks() > 4);
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            numerics: Default::default(),
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-        };
+        let task = Task::new(&history, &grid, &weights);
         let formed = match former.form_best(&task) {
             Ok(formed) => formed,
             // A former that cannot form a block refuses.
@@ -193,21 +115,8 @@ fn tiles_of_stored_plan_in_beam_are_bit_identical_to_whole_image() {
                 Window::Hamming,
             )
             .unwrap();
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            numerics: Default::default(),
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
+        let task = Task::new(&history, &grid, &weights);
         let whole = former.form_planned(&task).unwrap().image.pixels;
         let text = Plan::new(&former, &spec, BoundPolicy::Allowed, &Silent)
             .unwrap()
@@ -259,14 +168,7 @@ fn weights_with_beam_and_former_without_beam_refuse_each_other() {
         .weights(history.collection(), &grid, Window::None, Window::None)
         .unwrap();
     let plain = Weights::new(history.collection(), Window::None, Window::None);
-    let task = |weights| Task {
-        history: &history,
-        grid: &grid,
-        weights,
-        numerics: Default::default(),
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-    };
+    let task = |weights| Task::new(&history, &grid, weights);
     let bp = formers::former("bp", &serde_json::json!({})).unwrap();
     let refused = bp.form(&task(&of_beam)).unwrap_err().to_string();
     assert!(refused.contains("those of a beam"), "{refused}");

@@ -10,7 +10,7 @@ use subaperture::focus::live::{Live, LiveError, Settings};
 use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::monitor::{Monitor, Silent};
+use subaperture::monitor::Monitor;
 use subaperture::phase_history::{PhaseHistory, Pulse, PulseRange, Weights};
 use subaperture::radar::Motion;
 use subaperture::signal::window::Window;
@@ -94,12 +94,8 @@ fn formed(
     let stretch = PulseRange::new(history, from..to);
     let weights = Weights::new(stretch.collection(), Window::None, Window::None);
     let task = Task {
-        history: &stretch,
-        grid,
-        weights: &weights,
         memory_bytes: 1 << 28,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(&stretch, grid, &weights)
     };
     former.form_best(&task).unwrap().image
 }

@@ -3,6 +3,7 @@
 mod accuracy;
 mod auto;
 mod backprojection;
+mod beam_scene;
 mod channels;
 mod costs;
 mod crooked_tracks;

@@ -10,7 +10,6 @@ use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Image;
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
@@ -54,14 +53,7 @@ fn plain_values(history: &InMemory, targets: &[(DVec3, DVec3)]) -> Vec<Complex32
 
 fn form(former: &dyn ImageFormer, history: &dyn PhaseHistory, grid: &ImageGrid) -> Image {
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let task = Task {
-        history,
-        grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(history, grid, &weights);
     former.form(&task).unwrap().image
 }
 

@@ -28,12 +28,9 @@ fn try_form(
     let weights = Weights::new(history.collection(), Window::None, Window::default());
     let grid: ImageGrid = grid.parse().unwrap();
     former.form(&Task {
-        history,
-        grid: &grid,
-        weights: &weights,
         memory_bytes,
         monitor,
-        numerics: Default::default(),
+        ..Task::new(history, &grid, &weights)
     })
 }
 
@@ -42,14 +39,7 @@ fn form_best(former: &dyn ImageFormer, history: &PointTargetHistory, grid: &str)
     let weights = Weights::new(history.collection(), Window::None, Window::default());
     let grid: ImageGrid = grid.parse().unwrap();
     former
-        .form_best(&Task {
-            history,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        })
+        .form_best(&Task::new(history, &grid, &weights))
         .unwrap()
 }
 
@@ -216,14 +206,7 @@ fn polar_format_error_far_from_centre_agrees_with_theory() {
             y + 4.0
         );
         let grid: ImageGrid = text.parse().unwrap();
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(&history, &grid, &weights);
         let exact = Exact.form(&task).unwrap().image;
         let formed = former.form_best(&task).unwrap();
         let got = error_db(&formed.image, &exact);

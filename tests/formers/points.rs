@@ -19,7 +19,6 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::quality::response::{Response, Settings, SideLobes, Target, measure};
 use subaperture::resolution::theory::expected;
@@ -144,14 +143,7 @@ fn check(position_m: DVec3, formers: &[&dyn ImageFormer]) {
     for window in [Window::None, Window::Taylor { side_lobe_db: 35.0 }] {
         let weights = Weights::new(history.collection(), window, window);
         for former in formers {
-            let task = Task {
-                history: &history,
-                grid: &grid,
-                weights: &weights,
-                memory_bytes: 1 << 30,
-                monitor: &Silent,
-                numerics: Default::default(),
-            };
+            let task = Task::new(&history, &grid, &weights);
             let image = former.form(&task).unwrap().image;
             let response = measure(&image, &grid, Target::Brightest, &Settings::default()).unwrap();
             let e = Errors::of(&response, position_m, window);

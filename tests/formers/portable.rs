@@ -6,9 +6,7 @@
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::formers::former;
 use subaperture::focus::plan::InMemory;
-use subaperture::focus::{
-    BoundPolicy, Formed, ImageSpec, Numerics, Plan, SCRATCH_BYTES, Task, Transforms, Work,
-};
+use subaperture::focus::{BoundPolicy, Formed, ImageSpec, Numerics, Plan, Task, Transforms, Work};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::glam::DVec3;
 use subaperture::monitor::Silent;
@@ -82,13 +80,10 @@ fn formed(name: &str, settings: &str, numerics: Numerics) -> Formed {
     let settings = serde_json::from_str(settings).unwrap();
     let history = history();
     let windows = Weights::new(history.collection(), Window::Hamming, Window::default());
+    let grid = grid();
     let task = Task {
-        history: &history,
-        grid: &grid(),
-        weights: &windows,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
         numerics,
+        ..Task::new(&history, &grid, &windows)
     };
     former(name, &settings).unwrap().form_best(&task).unwrap()
 }
@@ -151,11 +146,8 @@ fn plan_determines_transforms() {
     let former = former("omega-k", &serde_json::json!({})).unwrap();
     let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
     let spec = ImageSpec {
-        collection: history.collection(),
-        grid: &grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
         numerics: Numerics::default().portable(),
+        ..ImageSpec::new(history.collection(), &grid, &weights)
     };
     let text = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent)
         .unwrap()

@@ -22,7 +22,6 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::image::Image;
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
 /// Formers checked by default.
@@ -116,14 +115,7 @@ impl Bench {
     fn form(&self, name: &str) -> Outcome {
         let grid = self.case.plane.grid();
         let former = former(name, self.case.bound_db);
-        let task = Task {
-            history: &self.history,
-            grid: &grid,
-            weights: &self.weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(&self.history, &grid, &self.weights);
         let formed = match former.form(&task) {
             Ok(formed) => formed,
             Err(error) => {

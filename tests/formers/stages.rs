@@ -6,7 +6,7 @@ use num_complex::Complex32;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::plan::{InMemory, PlanError};
 use subaperture::focus::stages::{READING, SAMPLES, StageTime, StageTimer, StageTimes};
-use subaperture::focus::{BoundPolicy, ImageSpec, Numerics, Plan, SCRATCH_BYTES, TimeModel, Work};
+use subaperture::focus::{BoundPolicy, ImageSpec, Numerics, Plan, TimeModel, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -36,11 +36,8 @@ fn plan_by(
     let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
     let spec = ImageSpec {
-        collection: history.collection(),
-        grid: &grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
         numerics,
+        ..ImageSpec::new(history.collection(), &grid, &weights)
     };
     Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap()
 }

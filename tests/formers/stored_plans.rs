@@ -13,9 +13,7 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::plan::InMemory as Sink;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
-use subaperture::focus::{
-    BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Work,
-};
+use subaperture::focus::{BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, Work};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
@@ -64,13 +62,7 @@ fn carry_out(
     let grid = case.plane.grid();
     let [fast, slow] = case.windows;
     let weights = Weights::new(history.collection(), fast, slow);
-    let spec = ImageSpec {
-        collection: history.collection(),
-        grid: &grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let spec = ImageSpec::new(history.collection(), &grid, &weights);
     let plan = match make(&spec) {
         Ok(plan) => Plan::from_text(&plan.to_text()).unwrap(),
         Err(error) => {

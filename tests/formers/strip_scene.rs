@@ -134,12 +134,9 @@ pub(crate) fn try_form(
 ) -> Result<Formed, FormError> {
     let weights = Weights::new(history.collection(), window, window);
     former.form_best(&Task {
-        history,
-        grid,
-        weights: &weights,
         memory_bytes,
         monitor,
-        numerics: Default::default(),
+        ..Task::new(history, grid, &weights)
     })
 }
 

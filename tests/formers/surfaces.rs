@@ -9,7 +9,7 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::InMemory;
-use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, Task, Work};
 use subaperture::geometry::{Axis, ImageGrid, Relief};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -90,14 +90,7 @@ fn formers_keep_their_bounds_on_surfaces() {
         on_hills("x=-46:46:0.83,y=-40:40:0.91,yaw=30", 30.0),
         on_hills("r=3:44:1.3,theta=-170:180:4", 10.0),
     ] {
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(&history, &grid, &weights);
         let exact = Exact.form(&task).unwrap().image;
         let flat = ImageGrid {
             relief: None,
@@ -157,12 +150,8 @@ fn ffbp_keeps_bound_on_surface_over_several_decimations() {
             ..fine.clone()
         };
         let task = Task {
-            history: &history,
-            grid: &fine,
-            weights: &weights,
             memory_bytes: 2 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
+            ..Task::new(&history, &fine, &weights)
         };
         let exact = Exact
             .form(&Task {
@@ -220,14 +209,7 @@ fn point_on_slope_has_exact_position_amplitude_and_phase() {
         .parse::<ImageGrid>()
         .unwrap()
         .on(hills);
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     let image = Exact.form(&task).unwrap().image;
     // The middle of the band, and the antenna position at the middle pulse.
     let wavelength_m = 299_792_458.0 / (9.5e9 + 127.5 * 1.1e6);
@@ -260,13 +242,7 @@ fn tiles_on_surfaces_are_bit_identical_to_whole_image() {
     for name in ["exact", "bp", "ffbp", "auto"] {
         let own = former(name, &serde_json::json!({})).unwrap();
         let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let plan = Plan::new(&*own, &spec, BoundPolicy::Allowed, &Silent).unwrap();
         let formed = |tile: Option<[usize; 2]>, threads: usize| -> Vec<Complex32> {
             let mut plan = Plan::from_text(&plan.to_text()).unwrap();

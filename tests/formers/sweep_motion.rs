@@ -169,14 +169,8 @@ fn weights(history: &dyn PhaseHistory) -> Weights {
 }
 
 fn form(former: &dyn ImageFormer, history: &dyn PhaseHistory, grid: &ImageGrid) -> Image {
-    let task = Task {
-        history,
-        grid,
-        weights: &weights(history),
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let weights = weights(history);
+    let task = Task::new(history, grid, &weights);
     former.form(&task).unwrap().image
 }
 
@@ -454,14 +448,7 @@ fn bp_keeps_bound_with_acceleration_within_pulse() {
         let weights = Weights::new(recording.collection(), window, window);
         let expected = plain_image(&cart, &recording, &weights, &points);
         for bound_db in [-50.0, -60.0, -70.0, -85.0] {
-            let task = Task {
-                history: &recording,
-                grid: &grid,
-                weights: &weights,
-                memory_bytes: 1 << 30,
-                monitor: &Silent,
-                numerics: Default::default(),
-            };
+            let task = Task::new(&recording, &grid, &weights);
             let formed = Backprojection { error_db: bound_db }.form(&task).unwrap();
             let error_db = difference_db(&formed.image.pixels, &expected);
             println!(

@@ -47,11 +47,8 @@ fn plan_on(
     let former = subaperture::focus::formers::former(name, settings).unwrap();
     let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
     let spec = ImageSpec {
-        collection: history.collection(),
-        grid,
-        weights: &weights,
         scratch_bytes,
-        numerics: Default::default(),
+        ..ImageSpec::new(history.collection(), grid, &weights)
     };
     Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap()
 }
@@ -209,12 +206,8 @@ fn task_and_plan_give_same_image() {
             DEFAULT_ERROR_DB
         );
         let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
             memory_bytes: 2 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
+            ..Task::new(&history, &grid, &weights)
         };
         let formed = former.form_best(&task).unwrap();
         if !formed.settings["planned_error_db"].is_null()

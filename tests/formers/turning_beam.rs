@@ -1,25 +1,21 @@
 //! Images by antennas that turn against their track: against the plain sum over the pulses in which the antennas point at each block.
 
 use glam::{DQuat, DVec3};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex64;
 use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::InBeam;
 use subaperture::focus::formers;
-use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::geometry::ImageGrid;
 use subaperture::io::recording::{self, Raw};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{
-    Beam, Collection, InMemory, NoBeam, PhaseHistory, Pulse, PulseRange, Sweep, Weights,
-};
+use subaperture::phase_history::{Beam, InMemory, NoBeam, PhaseHistory, Weights};
 use subaperture::prelude::{Backprojection, Focusing};
 use subaperture::radar::{Antenna, MountedAntennas, Pattern};
 use subaperture::signal::window::Window;
 use subaperture::simulate::scenario::Scenario;
-use subaperture_tests::plain_history::{complex, plain_pulse, plain_sum};
-use subaperture_tests::plain_sum::hamming;
 
-const GRID: &str = "x=-24:20.6:0.6,y=297:303.1:0.75";
-const WIDTH_RAD: f64 = 0.07;
+use crate::beam_scene::{self, GRID, WIDTH_RAD};
+
 const PULSES: usize = 480;
 
 /// Angle of the antennas forward of broadside: a spotlight that slides, for it turns faster than the direction of the scene.
@@ -27,48 +23,9 @@ fn scan_rad(n: usize) -> f64 {
     0.2 - 0.4 * n as f64 / (PULSES - 1) as f64
 }
 
-/// Sine of the angle of a place forward of broadside, on a track along x.
-fn sine(pulse: &Pulse, place_m: DVec3) -> f64 {
-    let from = place_m - pulse.transmitter_m;
-    from.x / from.length()
-}
-
 /// Points seen by antennas with a Gaussian pattern, and the beam that these antennas have.
 fn spotlight() -> InMemory {
-    let pulses = (0..PULSES).map(|n| {
-        let antenna_m = DVec3::new(0.2 * (n as f64 - 0.5 * PULSES as f64), 0.0, 60.0);
-        Pulse {
-            transmitter_m: antenna_m,
-            receiver_m: antenna_m,
-            reference_m: DVec3::ZERO,
-            reference_path_m: 0.0,
-            start_hz: 9.95e9,
-            step_hz: 3e6,
-            time_s: 0.005 * n as f64,
-            sweep: Sweep::AT_ONCE,
-        }
-    });
-    let collection = Collection {
-        name: "spotlight".to_owned(),
-        frame: SceneFrame::Local,
-        pulses: pulses.collect(),
-        num_samples: 32,
-        timed: true,
-        extent: None,
-    };
-    let points_m = [[-15.0, 299.0, 0.0], [0.3, 301.2, 0.0], [12.0, 300.0, 0.0]];
-    let mut samples = Vec::new();
-    for (n, pulse) in collection.pulses.iter().enumerate() {
-        let plain = plain_pulse(pulse, 1.0);
-        let seen = points_m.map(|point_m| {
-            let off = (sine(pulse, point_m.into()).asin() - scan_rad(n)) / WIDTH_RAD;
-            (point_m, [(-4.0 * 2f64.ln() * off * off).exp(), 0.0])
-        });
-        for k in 0..collection.num_samples {
-            let [re, im] = plain.echo(k, &seen);
-            samples.push(Complex32::new(re as f32, im as f32));
-        }
-    }
+    let (collection, samples) = beam_scene::strip("spotlight", PULSES, scan_rad);
     let antenna = |name: &str| Antenna {
         name: name.to_owned(),
         offset_m: DVec3::ZERO,
@@ -94,48 +51,17 @@ fn spotlight() -> InMemory {
     history.with_stated_beam(stated)
 }
 
-/// The plain sum at every pixel, over the pulses whose antennas point within half the width of the middle of the pixel's block, under a Hamming window.
+/// The plain sum over the pulses that illuminate each block.
 fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Complex64> {
-    let lit = weights.illumination.as_ref().unwrap();
-    let columns = grid.columns.count;
-    let mut values = vec![Complex64::ZERO; grid.num_pixels() as usize];
-    for block in 0..lit.num_blocks() {
-        let [rows, across] = lit.place(block);
-        let middle = [rows.start + rows.len() / 2, across.start + across.len() / 2];
-        let middle_m = grid.position_m(middle[0], middle[1]);
-        let pulses = &history.collection().pulses;
-        let off_rad = |n: usize| (sine(&pulses[n], middle_m).asin() - scan_rad(n)).abs();
-        let sees: Vec<usize> = (0..PULSES)
-            .filter(|&n| off_rad(n) <= 0.5 * WIDTH_RAD)
-            .collect();
+    beam_scene::expected(history, grid, weights, scan_rad, |lit, sees| {
         let range = sees[0]..sees[sees.len() - 1] + 1;
         assert_eq!(range.len(), sees.len());
         // Interpolated directions are off by at most 1 % of half the width, 0.35 mrad: two pulses of 0.18 mrad.
-        let found = lit.pulses(block);
         assert!(
-            found.start.abs_diff(range.start) <= 2 && found.end.abs_diff(range.end) <= 2,
-            "{found:?} {range:?}"
+            lit.start.abs_diff(range.start) <= 2 && lit.end.abs_diff(range.end) <= 2,
+            "{lit:?} {range:?}"
         );
-        let part = PulseRange::new(history, found.clone());
-        let own = Weights {
-            fast: hamming(32),
-            slow: hamming(found.len()),
-            illumination: None,
-            windows: None,
-        };
-        let pixels: Vec<usize> = rows
-            .flat_map(|row| across.clone().map(move |column| row * columns + column))
-            .collect();
-        let points_m: Vec<[f64; 3]> = pixels
-            .iter()
-            .map(|i| grid.position_m(i / columns, i % columns).to_array())
-            .collect();
-        let sums = complex(&plain_sum(&part, &own).at(&points_m));
-        for (pixel, sum) in pixels.into_iter().zip(sums) {
-            values[pixel] = sum;
-        }
-    }
-    values
+    })
 }
 
 #[test]

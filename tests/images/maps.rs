@@ -6,7 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{folder_with_recording, run};
 
 /// One point off the middle, seen from the south.
 const SCENE: &str = r#"
@@ -45,10 +45,8 @@ const EXPECTED: &str = r#"{
 
 #[test]
 fn gdal_reads_point_at_its_true_position() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder_with_recording("scene", SCENE);
     let at = folder.path();
-    fs::write(at.join("scene.toml"), SCENE).unwrap();
-    run(at, "simulate scene.toml -o scene.cphd").succeeded();
     // The resolution is some 0.6 m by 0.4 m.
     let grid = "--grid x=-8:8:0.17,y=-9:7:0.25,yaw=20";
     run(at, &format!("focus scene.cphd -a exact {grid} -o image")).succeeded();

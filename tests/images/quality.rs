@@ -9,7 +9,6 @@ use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::quality::response::{
     Carrier, Direction, Response, ResponseError, Settings, Target, UPSAMPLING, measure,
@@ -371,14 +370,7 @@ fn measure_agrees_with_theory_for_focused_points() {
         for window in [Window::None, Window::Taylor { side_lobe_db: 35.0 }] {
             let weights = Weights::new(history.collection(), window, window);
             let image = former
-                .form(&Task {
-                    history: &history,
-                    grid: &grid,
-                    weights: &weights,
-                    memory_bytes: 1 << 30,
-                    monitor: &Silent,
-                    numerics: Default::default(),
-                })
+                .form(&Task::new(&history, &grid, &weights))
                 .unwrap()
                 .image;
             // The middle of the band is 10 GHz less half a sample.

@@ -120,14 +120,7 @@ impl<'a> Bench<'a> {
     }
 
     fn exact(&self) -> Image {
-        let task = Task {
-            history: self.history,
-            grid: &self.grid,
-            weights: &self.weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(self.history, &self.grid, &self.weights);
         Exact.form(&task).unwrap().image
     }
 }

@@ -51,13 +51,17 @@ fn session_with(mut module: FaultyLine<Module>, settings: Settings) -> (Outcome,
     (outcome, keep.0)
 }
 
-#[test]
-fn clean_line_delivers_all_maps_in_one_run() {
-    let (outcome, _) = session(Faults::default(), settings());
+fn assert_complete(outcome: &Outcome) {
     assert!(
         matches!(outcome.ending, TransferEnd::Complete),
         "{outcome:?}"
     );
+}
+
+#[test]
+fn clean_line_delivers_all_maps_in_one_run() {
+    let (outcome, _) = session(Faults::default(), settings());
+    assert_complete(&outcome);
     let counts = &outcome.counts;
     assert_eq!(counts.runs, 1);
     assert_eq!(counts.pulses_sent, PULSES as u64);
@@ -85,10 +89,7 @@ fn bit_errors_only_cost_time() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(
-            matches!(outcome.ending, TransferEnd::Complete),
-            "{outcome:?}"
-        );
+        assert_complete(&outcome);
         if bit_errors > 5e-5 {
             // About 40 kB in each direction and run: 30 bit errors.
             let counts = &outcome.counts;
@@ -164,10 +165,7 @@ fn lost_tail_of_pulses_is_sent_again() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(
-            matches!(outcome.ending, TransferEnd::Complete),
-            "{outcome:?}"
-        );
+        assert_complete(&outcome);
         assert!(outcome.counts.maps_fetched_again > 0);
         assert!(outcome.counts.module_pulses.sub_cpis_incomplete > 0);
     }
@@ -202,10 +200,7 @@ fn retries_end_when_no_map_is_missing() {
         ..settings()
     };
     let (outcome, _) = session(Faults::default(), settings);
-    assert!(
-        matches!(outcome.ending, TransferEnd::Complete),
-        "{outcome:?}"
-    );
+    assert_complete(&outcome);
     assert_eq!(outcome.counts.runs, 1);
 }
 
@@ -250,10 +245,7 @@ fn truncated_frames_are_lost_and_maps_repeated() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(
-            matches!(outcome.ending, TransferEnd::Complete),
-            "{outcome:?}"
-        );
+        assert_complete(&outcome);
         let counts = &outcome.counts;
         assert!(counts.frames_from_module.damaged + counts.frames_from_module.lost > 0);
     }
@@ -269,10 +261,7 @@ fn host_that_stops_reading_loses_no_map() {
         ..Faults::default()
     };
     let (outcome, _) = session(faults, settings());
-    assert!(
-        matches!(outcome.ending, TransferEnd::Complete),
-        "{outcome:?}"
-    );
+    assert_complete(&outcome);
     assert_eq!(outcome.counts.maps_lost, 0);
     assert_eq!(outcome.counts.runs, 1);
 }
@@ -284,10 +273,7 @@ fn failed_line_is_reconnected() {
         ..Faults::default()
     };
     let (outcome, _) = session(faults, settings());
-    assert!(
-        matches!(outcome.ending, TransferEnd::Complete),
-        "{outcome:?}"
-    );
+    assert_complete(&outcome);
     assert_eq!(outcome.counts.reconnects, 2);
     assert_eq!(outcome.counts.maps_fetched_again, 0, "they were never lost");
 }
@@ -300,10 +286,7 @@ fn restarted_module_is_reconfigured() {
             ..Faults::default()
         };
         let (outcome, _) = session(faults, settings());
-        assert!(
-            matches!(outcome.ending, TransferEnd::Complete),
-            "{outcome:?}"
-        );
+        assert_complete(&outcome);
         assert!(outcome.counts.restarts >= 1, "{outcome:?}");
     }
 }
@@ -325,10 +308,7 @@ fn all_faults_together_still_deliver_every_map() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(
-            matches!(outcome.ending, TransferEnd::Complete),
-            "{outcome:?}"
-        );
+        assert_complete(&outcome);
     }
 }
 
@@ -363,10 +343,7 @@ fn new_session_takes_over_module_in_active_run() {
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
-    assert!(
-        matches!(outcome.ending, TransferEnd::Complete),
-        "{outcome:?}"
-    );
+    assert_complete(&outcome);
     judge(&keep.0);
 }
 
@@ -404,10 +381,7 @@ fn slow_fixed_rate_loses_no_pulse() {
         ..settings()
     };
     let (outcome, _) = session(Faults::default(), settings);
-    assert!(
-        matches!(outcome.ending, TransferEnd::Complete),
-        "{outcome:?}"
-    );
+    assert_complete(&outcome);
     // 46 pulses, 10 ms apart.
     assert!(outcome.counts.seconds > 0.44);
 }
@@ -465,10 +439,7 @@ fn sixteen_bit_samples_use_reported_scale() {
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
-    assert!(
-        matches!(outcome.ending, TransferEnd::Complete),
-        "{outcome:?}"
-    );
+    assert_complete(&outcome);
     assert_eq!(outcome.counts.samples_clamped, 0);
     // Rounding to 2^-15 of full scale; the echo's power there is about -20 dB of full scale, and the rounding noise is
     // 2^-15 / sqrt(6): -98 dB. Maps keep their ratio or improve it.
@@ -516,10 +487,7 @@ fn maps_are_verified_against_the_core_on_the_host() {
         let mut session =
             Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
         let outcome = session.transfer(&mut job, &mut verified, &mut Silent);
-        assert!(
-            matches!(outcome.ending, TransferEnd::Complete),
-            "{outcome:?}"
-        );
+        assert_complete(&outcome);
         // Pulse 5 is in sub-CPI 1: two maps.
         let different = if changed { 2 } else { 0 };
         assert_eq!(verified.counts(), (MAPS as u64 - different, different));

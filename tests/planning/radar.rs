@@ -6,7 +6,6 @@ use subaperture::focus::formers::FORMERS;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::planner::grating::{self, Lobe, Pass};
 use subaperture::planner::{Parameters, RadarPlan, Request};
@@ -39,14 +38,7 @@ fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) 
     let columns = axis(at.x, PIXEL_M, 400);
     let grid = ImageGrid::horizontal(columns, axis(at.y, 0.05, 10), 0.0);
     let weights = Weights::new(collection, Window::None, Window::None);
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let task = Task::new(&history, &grid, &weights);
     let thesis = RangeDopplerBackprojection {
         mode: Mode::Thesis(Thesis::default()),
         error_db: -60.0,

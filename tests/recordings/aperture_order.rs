@@ -5,7 +5,6 @@ use num_complex::{Complex32, Complex64};
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{
     Channels, Collection, InMemory, InputFile, Joined, PhaseHistory, Pulse, ReadError, Sweep,
     Weights,
@@ -89,12 +88,8 @@ fn image(history: &dyn PhaseHistory) -> Vec<Complex32> {
     let grid: ImageGrid = "x=-4:4:0.25,y=-4:4:0.25,z=0".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::default());
     let task = Task {
-        history,
-        grid: &grid,
-        weights: &weights,
         memory_bytes: 1 << 28,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(history, &grid, &weights)
     };
     let former = Backprojection { error_db: -60.0 };
     former.form(&task).unwrap().image.pixels

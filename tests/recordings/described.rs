@@ -41,13 +41,10 @@ fn example(name: &str, folder: &Path) -> RecordingFile {
 }
 
 fn form(history: &dyn PhaseHistory, grid: &ImageGrid, window: Window) -> Image {
+    let weights = Weights::new(history.collection(), window, window);
     let task = Task {
-        history,
-        grid,
-        weights: &Weights::new(history.collection(), window, window),
         memory_bytes: u64::MAX,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(history, grid, &weights)
     };
     let former = Backprojection { error_db: -50.0 };
     former.form(&task).unwrap().image

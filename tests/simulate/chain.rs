@@ -87,12 +87,8 @@ fn image(history: &dyn PhaseHistory) -> Image {
     let grid = ImageGrid::horizontal(axis, axis, 0.0);
     let weights = Weights::new(history.collection(), Window::default(), Window::default());
     let task = Task {
-        history,
-        grid: &grid,
-        weights: &weights,
         memory_bytes: 1 << 28,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(history, &grid, &weights)
     };
     Exact.form(&task).unwrap().image
 }

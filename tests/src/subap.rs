@@ -84,16 +84,19 @@ impl Ran {
         !self.stderr.lines().any(begins)
     }
 
+    /// Assert that standard error contains `part`.
+    #[track_caller]
+    pub fn reports(&self, part: &str) {
+        let stderr = &self.stderr;
+        assert!(stderr.contains(part), "no '{part}' in: {stderr}");
+    }
+
     /// Assert exit status `code` and a message that contains each of `parts`, without panic, backtrace or `Debug` output.
     #[track_caller]
     pub fn failed(&self, code: i32, parts: &[&str]) {
         assert_eq!(self.code, Some(code), "{self:?}");
         for part in parts {
-            assert!(
-                self.stderr.contains(part),
-                "no '{part}' in: {}",
-                self.stderr
-            );
+            self.reports(part);
         }
         for sign in [
             "panicked",
@@ -124,6 +127,21 @@ pub fn command<A: AsRef<OsStr>>(folder: &Path, arguments: impl IntoIterator<Item
 pub fn run(folder: &Path, line: &str) -> Ran {
     let output = command(folder, line.split_whitespace()).output();
     output.expect("subap starts").into()
+}
+
+/// Write a scenario and simulate its recording: `NAME.toml` and `NAME.cphd` in `folder`.
+#[track_caller]
+pub fn write_recording(folder: &Path, name: &str, scenario: impl AsRef<[u8]>) {
+    std::fs::write(folder.join(format!("{name}.toml")), scenario).expect("a scenario is written");
+    run(folder, &format!("simulate {name}.toml -o {name}.cphd")).succeeded();
+}
+
+/// Temporary folder with a scenario and its recording, as [`write_recording`] writes them.
+#[track_caller]
+pub fn folder_with_recording(name: &str, scenario: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    write_recording(folder.path(), name, scenario);
+    folder
 }
 
 /// Every file and folder under `folder` with its size, to detect changes.

@@ -161,3 +161,27 @@ impl FormError {
         }
     }
 }
+
+/// Invalid former name, beam or settings.
+#[derive(Debug, thiserror::Error)]
+pub enum UnknownFormer {
+    /// No former has this name.
+    #[error("no former '{name}': expected one of {}", known.join(", "))]
+    Name {
+        /// Requested name.
+        name: String,
+        /// Names of all formers.
+        known: Vec<&'static str>,
+    },
+    /// The beam is invalid.
+    #[error("{0}")]
+    Beam(String),
+    /// The settings are invalid.
+    #[error("settings of {name}: {source}")]
+    Settings {
+        /// Name of the former.
+        name: &'static str,
+        /// Parse error of the settings.
+        source: serde_json::Error,
+    },
+}

@@ -3,35 +3,13 @@
 use super::accuracy::{self, Judgement};
 use super::compared::Planned;
 use super::patch::Rectangle;
-use super::plan::{Fingerprint, Plan, PlanError};
+use super::plan::Plan;
 use super::sampled::{Probes, Sampled, TileRecord};
 use super::sink::Sink;
-use super::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work, formers};
+use super::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
 use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
-
-impl Plan {
-    /// Open the plan for tiles of its recording, with the weights of [`Self::weights`].
-    ///
-    /// # Errors
-    /// [`PlanError`] if the plan does not match the recording or the former refuses it.
-    pub fn open<'a>(
-        &'a self,
-        collection: &'a Collection,
-        weights: &'a Weights,
-    ) -> Result<Opened<'a>, PlanError> {
-        let found = Fingerprint::of(collection);
-        if found != self.recording {
-            return Err(PlanError::Recording {
-                planned: self.recording.clone(),
-                found,
-            });
-        }
-        let former = formers::former(&self.former, &self.settings)?;
-        Ok(Opened::new(&*former, self, self.spec(collection, weights))?)
-    }
-}
+use subaperture_model::phase_history::PhaseHistory;
 
 /// Plan opened for forming tiles.
 pub struct Opened<'a> {

@@ -17,13 +17,14 @@ use serde::{Deserialize, Serialize};
 use super::accuracy;
 use super::compared::Planned;
 use super::cost::Cost;
+use super::error::UnknownFormer;
 pub use super::fingerprint::Fingerprint;
 use super::former_choices::FormerChoices;
 use super::goal::{BoundPolicy, ErrorGoal, misses};
 use super::patch::PatchSize;
 pub use super::sink::{ImageSink, InMemory, Sink};
 use super::time_model::{TimeModel, TimeModelError};
-use super::{FormError, ImageFormer, ImageSpec, Numerics, Tile, Transforms, formers};
+use super::{FormError, ImageFormer, ImageSpec, Numerics, Tile, Transforms};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Tiling;
 use subaperture_model::monitor::Monitor;
@@ -105,7 +106,7 @@ pub enum PlanError {
     },
     /// Unknown former, or invalid settings for it.
     #[error(transparent)]
-    Former(#[from] formers::UnknownFormer),
+    Former(#[from] UnknownFormer),
     /// Unknown window name.
     #[error("window of the plan: {0}")]
     Window(#[from] subaperture_signal::window::WindowError),
@@ -363,16 +364,6 @@ impl Plan {
                 false => BoundPolicy::Refused,
             },
         }
-    }
-
-    /// Weights of the plan for a collection.
-    ///
-    /// # Errors
-    /// [`PlanError::Window`]; [`PlanError::Former`]; [`PlanError::Form`] if the beam does not suit the collection.
-    pub fn weights(&self, collection: &Collection) -> Result<Weights, PlanError> {
-        let [fast, slow] = self.windows()?;
-        let former = formers::former(&self.former, &self.settings)?;
-        Ok(former.weights(collection, &self.grid, fast, slow)?)
     }
 
     /// Specification of the image for the weights of [`Self::weights`].

@@ -31,6 +31,19 @@ pub struct ImageSpec<'a> {
     pub numerics: Numerics<'a>,
 }
 
+impl<'a> ImageSpec<'a> {
+    /// Specification with [`SCRATCH_BYTES`] of scratch memory and default [`Numerics`].
+    pub fn new(collection: &'a Collection, grid: &'a ImageGrid, weights: &'a Weights) -> Self {
+        Self {
+            collection,
+            grid,
+            weights,
+            scratch_bytes: SCRATCH_BYTES,
+            numerics: Numerics::default(),
+        }
+    }
+}
+
 /// Plan of a former for an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision<C = FormerChoices> {

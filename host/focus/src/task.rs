@@ -1,11 +1,11 @@
 //! Image formation task.
 
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::monitor::Monitor;
+use subaperture_model::monitor::{Monitor, Silent};
 use subaperture_model::phase_history::{PhaseHistory, Weights};
 
 use super::numerics::Numerics;
-use super::spec::{ImageSpec, SCRATCH_BYTES, Work};
+use super::spec::{ImageSpec, Work};
 
 /// Image formation task.
 #[derive(Clone, Copy)]
@@ -25,14 +25,23 @@ pub struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
+    /// Task with at most 1 GiB of memory, default [`Numerics`] and no report of progress.
+    pub fn new(history: &'a dyn PhaseHistory, grid: &'a ImageGrid, weights: &'a Weights) -> Self {
+        Self {
+            history,
+            grid,
+            weights,
+            numerics: Numerics::default(),
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+        }
+    }
+
     /// Specification of the image.
     pub fn spec(&self) -> ImageSpec<'a> {
         ImageSpec {
-            collection: self.history.collection(),
-            grid: self.grid,
-            weights: self.weights,
-            scratch_bytes: SCRATCH_BYTES,
             numerics: self.numerics,
+            ..ImageSpec::new(self.history.collection(), self.grid, self.weights)
         }
     }
 

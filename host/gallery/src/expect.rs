@@ -39,12 +39,13 @@ pub fn expect(items: &[Item], folder: &Path, context: &Context) -> Result<Expect
     let weights = Weights::new(scene.collection(), Window::None, Window::None);
     let start = Instant::now();
     thesis(SUB_CPI).form_best(&Task {
-        history: &scene,
-        grid: &grid_about(DVec3::ZERO, HALF_M, HALF_M, STEP_M),
-        weights: &weights,
         memory_bytes: context.memory_bytes,
         monitor: context.monitor,
-        numerics: Default::default(),
+        ..Task::new(
+            &scene,
+            &grid_about(DVec3::ZERO, HALF_M, HALF_M, STEP_M),
+            &weights,
+        )
     })?;
     let measured_s = start.elapsed().as_secs_f64();
     let missing = |item: &&Item| store::load(folder, item, &store::key(item, context)).is_none();

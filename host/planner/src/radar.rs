@@ -213,11 +213,8 @@ impl Aperture {
 fn costs(collection: &Collection, request: &Request) -> Vec<FormerCost> {
     let weights = Weights::new(collection, Window::default(), Window::default());
     let spec = ImageSpec {
-        collection,
-        grid: request.grid,
-        weights: &weights,
         scratch_bytes: request.memory_bytes,
-        numerics: Default::default(),
+        ..ImageSpec::new(collection, request.grid, &weights)
     };
     let listed = FORMERS.iter().filter_map(|entry| {
         let former = entry.within(request.error_db);

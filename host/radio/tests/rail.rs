@@ -238,14 +238,8 @@ pub(crate) fn chip(about: DVec3, half_m: f64, step_m: f64) -> ImageGrid {
 }
 
 pub(crate) fn form(history: &dyn PhaseHistory, grid: &ImageGrid, window: Window) -> Image {
-    let task = Task {
-        history,
-        grid,
-        weights: &Weights::new(history.collection(), window, window),
-        memory_bytes: 1 << 30,
-        monitor: &Silent,
-        numerics: Default::default(),
-    };
+    let weights = Weights::new(history.collection(), window, window);
+    let task = Task::new(history, grid, &weights);
     let former = Backprojection { error_db: -60.0 };
     former.form_planned(&task).unwrap().image
 }

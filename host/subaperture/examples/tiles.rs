@@ -3,9 +3,7 @@
 use std::error::Error;
 
 use subaperture::focus::plan::{ImageSink, InMemory, Sink};
-use subaperture::focus::{
-    BoundPolicy, Execution, ImageSpec, Plan, SCRATCH_BYTES, Tile, TileRecord, Work,
-};
+use subaperture::focus::{BoundPolicy, Execution, ImageSpec, Plan, Tile, TileRecord, Work};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::Weights;
 use subaperture::prelude::*;
@@ -46,13 +44,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let window = Window::default();
 
     // Plan once, on any machine, from the geometry alone. The text states everything except the samples.
-    let spec = ImageSpec {
-        collection: recording.collection(),
-        grid: &grid,
-        weights: &Weights::new(recording.collection(), window, window),
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let weights = Weights::new(recording.collection(), window, window);
+    let spec = ImageSpec::new(recording.collection(), &grid, &weights);
     let text = Plan::new(&former, &spec, BoundPolicy::Refused, &Silent)?.to_text();
 
     // Execute the plan where the recording is: form the tiles, compare them with the exact sum, and replan if the scene requires it.

@@ -22,7 +22,6 @@ use subaperture_focus::{ImageFormer, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, Extent, ImageGrid};
 use subaperture_model::image::{Image, power};
-use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::convention::{Inference, Probe, Sharpness};
 use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Weights};
 use subaperture_model::resolution::survey::Survey;
@@ -185,12 +184,8 @@ fn drawn(range: Range<usize>) -> Vec<usize> {
 pub fn sharpness(probe: &Probe, part: &InMemory, memory_bytes: u64) -> Result<Sharpness, String> {
     let weights = Weights::new(part.collection(), Window::None, Window::None);
     let task = Task {
-        history: part,
-        grid: &probe.grid,
-        weights: &weights,
-        numerics: Default::default(),
         memory_bytes,
-        monitor: &Silent,
+        ..Task::new(part, &probe.grid, &weights)
     };
     let former = Backprojection { error_db: ERROR_DB };
     let formed = former

@@ -448,3 +448,69 @@ fn keep(browser: &Browser, name: &str) {
         std::fs::write(format!("{folder}/{name}.base64"), browser.screenshot()).unwrap();
     }
 }
+
+/// Arrows on a polar grid: a displacement by 1 m to the north, or away from the antenna, leads from the centre of the view in their direction.
+#[test]
+fn arrows_of_polar_grid_point_along_displacements_on_the_ground() {
+    let Some(browser) = Browser::start(1280, 900) else {
+        println!("skipped: chromium or chromedriver not found");
+        return;
+    };
+    // x is east and y north. Columns are 0.05 degrees apart, rows 0.25 m; the antenna is not at the pole.
+    let (range_m, angle_deg) = (
+        |row: f64| 200.0 + 0.25 * row,
+        |column: f64| 20.0 + 0.05 * column,
+    );
+    let antenna_m = DVec3::new(-150.0, 60.0, 90.0);
+    let mut shown = on_earth();
+    shown.pixels = Pixels::whole(Box::new(image(1600, 2000)));
+    shown.grid = Some("r=200:600:0.25,theta=20:120:0.05".parse().unwrap());
+    shown.antenna_m = Some(antenna_m);
+    let server = serve(vec![shown], Vec::new());
+    browser.open(&server.url());
+    browser.wait(
+        "document.body.dataset.state === 'ready' && view.painted > 3 && view.drawn === view.wanted",
+    );
+    keep(&browser, "polar");
+    for (row, column, zoom) in [
+        (800.0, 1000.0, 0),
+        (100.0, 150.0, 0),
+        (1500.0, 1900.0, 2),
+        (40.0, 1700.0, -1),
+    ] {
+        browser.run(&format!(
+            "map.setView([{}, {}], {zoom}, {{ animate: false }}); drawFrame(); return 1",
+            row + 0.5,
+            column + 0.5
+        ));
+        let (range_m, angle_rad) = (range_m(row), angle_deg(column).to_radians());
+        let [x_m, y_m] = [range_m * angle_rad.cos(), range_m * angle_rad.sin()];
+        let (away, length_m) = (
+            [x_m - antenna_m.x, y_m - antenna_m.y],
+            (x_m - antenna_m.x).hypot(y_m - antenna_m.y),
+        );
+        for (key, east_m, north_m) in [
+            ("north", 0.0, 1.0),
+            ("look", away[0] / length_m, away[1] / length_m),
+        ] {
+            let [x_m, y_m] = [x_m + east_m, y_m + north_m];
+            let row = (x_m.hypot(y_m) - 200.0) / 0.25;
+            let column = (y_m.atan2(x_m).to_degrees() - 20.0) / 0.05;
+            let expected = browser.run(&format!(
+                "const from = map.project(map.getCenter()), to = map.project([{}, {}]); return (Math.atan2(to.x - from.x, from.y - to.y) * 180 / Math.PI + 360) % 360",
+                row + 0.5,
+                column + 0.5
+            ));
+            let (expected, found) = (
+                expected.as_f64().unwrap(),
+                browser.run(&format!("return Number(frame.dataset.{key})")),
+            );
+            let off = (found.as_f64().unwrap() - expected + 180.0).rem_euclid(360.0) - 180.0;
+            assert!(
+                off.abs() < 1.0,
+                "{key} at {row}, {column}: {found}, {expected}"
+            );
+        }
+    }
+    keep(&browser, "polar-far");
+}

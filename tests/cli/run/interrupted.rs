@@ -202,7 +202,7 @@ fn full_disk_is_reported_and_leaves_no_partial_file() {
     );
     let ran = run(&at, &small);
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    assert!(ran.stderr.contains("free some"), "{}", ran.stderr);
+    ran.reports("free some");
     let left = files(&disk.path().join("job"));
     assert!(
         left.contains_key("image.json") && !left.contains_key("report.html"),

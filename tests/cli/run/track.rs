@@ -3,7 +3,7 @@
 use std::fs;
 
 use subaperture::io::product;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_recording};
 
 use super::{done, record};
 
@@ -38,8 +38,7 @@ fn job_focuses_on_the_track_that_it_estimates_or_reads() {
     let place = tempfile::tempdir().unwrap();
     let at = place.path();
     let example = run(at, "simulate --example walk");
-    fs::write(at.join("walk.toml"), example.succeeded()).unwrap();
-    run(at, "simulate walk.toml -o walk.cphd").succeeded();
+    write_recording(at, "walk", example.succeeded());
     fs::create_dir(at.join("jobs")).unwrap();
     let at = at.join("jobs");
     fs::write(at.join("job.toml"), JOB).unwrap();

@@ -21,21 +21,6 @@ impl Imports {
         Self(imports.collect())
     }
 
-    /// Leave out the import of the module `to` by the module `from`.
-    pub(super) fn remove(&mut self, from: &str, to: &str) {
-        if let Some(imported) = self.0.get_mut(&named(from)) {
-            imported.remove(&named(to));
-        }
-    }
-
-    /// Whether `from` imports `to`, which imports `from`, directly or indirectly.
-    pub(super) fn is_circular(&self, from: &str, to: &str) -> bool {
-        let (from, to) = (named(from), named(to));
-        let imported = self.0.get(&from);
-        imported.is_some_and(|imported| imported.contains_key(&to))
-            && self.reached(&to).contains(&from)
-    }
-
     /// All modules imported from `start`, directly or indirectly.
     fn reached<'a>(&'a self, start: &'a Module) -> BTreeSet<&'a Module> {
         let mut reached = BTreeSet::new();
@@ -76,11 +61,6 @@ impl Imports {
         };
         cycles.into_iter().map(arrows).collect()
     }
-}
-
-/// Module by its path in code.
-fn named(path: &str) -> Module {
-    path.split("::").map(str::to_owned).collect()
 }
 
 fn arrow(from: &Module, to: &Module, paths: &BTreeSet<String>) -> String {

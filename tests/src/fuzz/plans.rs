@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use num_complex::Complex32;
 use subaperture::focus::formers::FORMERS;
 use subaperture::focus::plan::InMemory;
-use subaperture::focus::{BoundPolicy, ImageSpec, Plan, SCRATCH_BYTES, Work};
+use subaperture::focus::{BoundPolicy, ImageSpec, Plan, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory as Samples, PhaseHistory, Weights};
@@ -101,13 +101,7 @@ pub(super) fn plan_seeds() -> Vec<Vec<u8>> {
     let history = history();
     let grid: ImageGrid = "x=-12:12:2.5,y=-12:12:3".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
-    let spec = ImageSpec {
-        collection: history.collection(),
-        grid: &grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let spec = ImageSpec::new(history.collection(), &grid, &weights);
     let thesis = serde_json::json!({ "mode": { "thesis": {} } });
     let mut formers: Vec<_> = FORMERS
         .iter()

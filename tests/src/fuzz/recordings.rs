@@ -286,13 +286,10 @@ fn image(history: &dyn PhaseHistory, grid: &ImageGrid, bytes: &[u8]) -> String {
     ];
     let former = formers[choice(bytes, formers.len() as u32) as usize];
     let window = Window::Taylor { side_lobe_db: 35.0 };
+    let weights = Weights::new(history.collection(), window, window);
     let task = Task {
-        history,
-        grid,
-        weights: &Weights::new(history.collection(), window, window),
         memory_bytes: MEMORY_BYTES,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(history, grid, &weights)
     };
     match former.form(&task) {
         Ok(formed) => {

@@ -181,7 +181,7 @@ fn radios_are_listed_and_probed() {
         assert!(with.stdout.contains(line), "{}", with.stdout);
     }
     let without = ran(&folder, "", clock);
-    assert!(without.stderr.contains("no GPSDO"), "{}", without.stderr);
+    without.reports("no GPSDO");
 }
 
 /// UHD's own error for a device without firmware, returned by the stand-in.
@@ -190,11 +190,7 @@ fn missing_images_are_reported_with_advice() {
     let folder = experiments("sc16", "");
     let ran = ran(&folder, "images", "capture uhd.toml -o walk");
     assert_eq!(ran.code, Some(1));
-    assert!(
-        ran.stderr.contains("uhd_images_downloader"),
-        "{}",
-        ran.stderr
-    );
+    ran.reports("uhd_images_downloader");
     assert!(!folder.path().join("walk.sigmf-meta").exists());
 }
 

@@ -2,7 +2,8 @@
 //!
 //! An archive holds the static command, man pages, shell completions, licences (those of every dependency included), README and CHANGELOG. Man
 //! pages and completions are written by the command itself, by the build for this machine's processor. Finished archives are unpacked and checked,
-//! and `subap demo` runs in the one for this machine, without any other file, and in the one for AArch64 under `qemu-aarch64` if that is installed.
+//! and `subap demo` runs in the one for this machine, without any other file, and in the one for AArch64 on few pixels under
+//! `qemu-aarch64`, which is installed if possible.
 
 mod check;
 
@@ -17,7 +18,7 @@ use subaperture_xtask::{link_alone, root, target_folder};
 
 use crate::checks::cargo;
 use crate::guide::subcommands;
-use crate::prerequisites::{Need, Talk, ensure};
+use crate::prerequisites::{Need, Talk, ensure, ensure_if_possible};
 use check::Unpacked;
 
 /// Static Linux builds, linked by Rust's own linker and musl: no cross toolchain is needed.
@@ -48,6 +49,7 @@ const LICENCES: &str = "LICENSES-DEPENDENCIES.txt";
 pub(crate) fn build() -> Result<(), String> {
     let targets = TARGETS.map(Need::Target);
     ensure(&targets, Talk::Shown)?;
+    ensure_if_possible(&[Need::QemuUser], Talk::OfFailure);
     let place = target_folder().join("dist");
     if place.exists() {
         fs::remove_dir_all(&place).map_err(|error| at(&place, &error))?;
@@ -116,7 +118,7 @@ fn check(place: &Path, archive: &str, native: &Path, is_native: bool) -> Result<
     if !is_native {
         match Need::QemuUser.is_met() {
             true => println!(
-                "{archive}: subap demo under qemu-aarch64:\n{}",
+                "{archive}: subap demo on few pixels under qemu-aarch64:\n{}",
                 unpacked.demo_emulated()?
             ),
             false => println!("{archive}: subap demo SKIPPED: qemu-aarch64 is not installed"),

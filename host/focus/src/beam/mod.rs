@@ -217,14 +217,6 @@ pub fn seeing<'a>(
     }
 }
 
-/// Whether all pulses illuminate every block, so that the beam excludes no pulse.
-pub fn sees_all(weights: &Weights) -> bool {
-    weights
-        .illumination
-        .as_ref()
-        .is_some_and(|illumination| all_see(illumination, weights.slow.len()))
-}
-
 fn all_see(illumination: &BlockIllumination, num_pulses: usize) -> bool {
     (0..illumination.num_blocks()).all(|block| illumination.pulses(block) == (0..num_pulses))
 }

@@ -93,3 +93,36 @@ pub(super) fn form_observed<F: FrequencyDomain>(
         },
     )
 }
+
+/// Give a former the methods that expose its intermediate arrays.
+macro_rules! observable {
+    ($former:ident) => {
+        impl $former {
+            /// Array sizes for the pixels of `grid`.
+            ///
+            /// # Errors
+            /// [`FormError::Unsuited`], as for [`ImageFormer::form`](crate::ImageFormer::form).
+            pub fn sizes(
+                &self,
+                collection: &Collection,
+                grid: &ImageGrid,
+            ) -> Result<Sizes, FormError> {
+                $crate::formers::frequency_domain::sizes(self, collection, grid)
+            }
+
+            /// Form the image as [`ImageFormer::form_planned`](crate::ImageFormer::form_planned), and pass every intermediate array to `observe`.
+            ///
+            /// # Errors
+            /// Errors of [`ImageFormer::form_planned`](crate::ImageFormer::form_planned).
+            pub fn form_observed(
+                &self,
+                task: &Task,
+                observe: &mut dyn FnMut(&Stage),
+            ) -> Result<Formed, FormError> {
+                $crate::formers::frequency_domain::form_observed(self, task, observe)
+            }
+        }
+    };
+}
+
+pub(super) use observable;

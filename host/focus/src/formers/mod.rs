@@ -14,9 +14,12 @@ pub mod pfa;
 pub mod rda;
 pub mod rdbp;
 
-use super::ImageFormer;
 use super::beam::InBeam;
+pub use super::error::UnknownFormer;
+use super::plan::{Fingerprint, PlanError};
+use super::{ImageFormer, Opened, Plan};
 pub use options::{FormerOption, OptionError, OptionType, OptionValues, OptionWord};
+use subaperture_model::phase_history::{Collection, Weights};
 
 use algorithm::Algorithm;
 pub use entry::Entry;
@@ -35,28 +38,6 @@ pub static FORMERS: [Entry; 8] = [
 
 /// Former used by default.
 pub const DEFAULT: Entry = auto::Auto::ENTRY;
-
-/// Invalid former name, beam or settings.
-#[derive(Debug, thiserror::Error)]
-pub enum UnknownFormer {
-    /// No former has this name.
-    #[error("no former '{name}': expected one of {}", FORMERS.map(|entry| entry.name).join(", "))]
-    Name {
-        /// Requested name.
-        name: String,
-    },
-    /// The beam is invalid.
-    #[error("{0}")]
-    Beam(String),
-    /// The settings are invalid.
-    #[error("settings of {name}: {source}")]
-    Settings {
-        /// Name of the former.
-        name: &'static str,
-        /// Parse error of the settings.
-        source: serde_json::Error,
-    },
-}
 
 /// Make the former of a name with given settings, wrapped in a beam ([`InBeam`]) if the settings contain one.
 ///
@@ -79,9 +60,42 @@ pub fn former(
     let entry = FORMERS.iter().find(|entry| entry.name == name);
     let entry = entry.ok_or_else(|| UnknownFormer::Name {
         name: name.to_owned(),
+        known: FORMERS.map(|entry| entry.name).to_vec(),
     })?;
     (entry.of)(settings).map_err(|source| UnknownFormer::Settings {
         name: entry.name,
         source,
     })
+}
+
+impl Plan {
+    /// Weights of the plan for a collection.
+    ///
+    /// # Errors
+    /// [`PlanError::Window`]; [`PlanError::Former`]; [`PlanError::Form`] if the beam does not suit the collection.
+    pub fn weights(&self, collection: &Collection) -> Result<Weights, PlanError> {
+        let [fast, slow] = self.windows()?;
+        let former = former(&self.former, &self.settings)?;
+        Ok(former.weights(collection, &self.grid, fast, slow)?)
+    }
+
+    /// Open the plan for tiles of its recording, with the weights of [`Self::weights`].
+    ///
+    /// # Errors
+    /// [`PlanError`] if the plan does not match the recording or the former refuses it.
+    pub fn open<'a>(
+        &'a self,
+        collection: &'a Collection,
+        weights: &'a Weights,
+    ) -> Result<Opened<'a>, PlanError> {
+        let found = Fingerprint::of(collection);
+        if found != self.recording {
+            return Err(PlanError::Recording {
+                planned: self.recording.clone(),
+                found,
+            });
+        }
+        let former = former(&self.former, &self.settings)?;
+        Ok(Opened::new(&*former, self, self.spec(collection, weights))?)
+    }
 }

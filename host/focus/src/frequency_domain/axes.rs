@@ -7,11 +7,9 @@ use subaperture_signal::fast_length::fast_length;
 use super::bounds::Bounds;
 use super::motion::{Compensation, Motion};
 use super::taper::{BETA, Taper};
+use super::taps::{TAPS, cells};
 use crate::straight_track::StraightTrack;
 use crate::{FormError, Reason, Remedy};
-
-/// Taps of every kernel: -107 dB in one dimension ([`subaperture_signal::kaiser_bessel`]).
-pub(crate) const TAPS: usize = 6;
 
 /// Largest sine of an angle off broadside, including the taper. Beyond it range changes so fast with
 /// angle that transform lengths grow without bound.
@@ -151,11 +149,6 @@ impl Axes {
     pub(super) fn along_wavenumber(&self, q: usize) -> f64 {
         (self.first_bin + q as i64) as f64 * self.along_wavenumber_step
     }
-}
-
-/// Cells per period of a transform that is gridded or interpolated by a kernel: twice the retained wavenumbers.
-pub(super) fn cells(num_bins: usize) -> usize {
-    fast_length((2 * num_bins).max(2 * TAPS))
 }
 
 /// Band of directions in which pixels are seen; `wavenumber` is the smallest one.

@@ -59,6 +59,7 @@ mod spectrum;
 mod stage;
 mod strip;
 mod taper;
+mod taps;
 
 use std::sync::{Arc, Mutex};
 
@@ -72,7 +73,7 @@ use subaperture_model::monitor::during;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{cis, narrow};
 
-pub(super) use axes::{Axes, ImageAxis, TAPS};
+pub(super) use axes::{Axes, ImageAxis};
 use choice::Fitted;
 pub(super) use choice::{Choices, decide, sizes};
 pub(super) use method::{RangeMethod, RangeStage};
@@ -81,6 +82,7 @@ pub use sizes::Sizes;
 use spectrum::BLOCK_PULSES;
 pub use stage::{Stage, StageKind};
 pub(super) use strip::Strip;
+pub(super) use taps::TAPS;
 
 impl<'a, M: RangeMethod> Strip<'a, M> {
     /// Choose axes for `method` according to stored choices.

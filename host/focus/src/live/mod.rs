@@ -244,7 +244,7 @@ impl Live {
             };
         };
         let collection = lone(farthest, self.num_samples);
-        let spec = spec(&collection, &self.grid, &self.weights);
+        let spec = ImageSpec::new(&collection, &self.grid, &self.weights);
         let norm = self.norm();
         let fast: f64 = self.weights.fast.iter().sum();
         let pixel = |pixel: usize| narrow(self.shown.pixels[pixel] * norm);
@@ -315,20 +315,6 @@ fn lone(pulse: Pulse, num_samples: usize) -> Collection {
     }
 }
 
-fn spec<'a>(
-    collection: &'a Collection,
-    grid: &'a ImageGrid,
-    weights: &'a Weights,
-) -> ImageSpec<'a> {
-    ImageSpec {
-        collection,
-        grid,
-        weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    }
-}
-
 /// Parameters for backprojecting a pulse.
 struct Bench<'a> {
     grid: &'a ImageGrid,
@@ -347,7 +333,7 @@ impl Bench<'_> {
         part: &mut Part,
     ) -> Result<(), FormError> {
         let collection = lone(*pulse, samples.len());
-        let spec = spec(&collection, self.grid, self.weights);
+        let spec = ImageSpec::new(&collection, self.grid, self.weights);
         let former = Backprojection::default().error_db(self.settings.error_db);
         let goal = ErrorGoal {
             bound_db: former.bound_db(),

@@ -65,12 +65,9 @@ pub(super) fn with_task<T>(
 ) -> T {
     let weights = Weights::new(history.collection(), fast, Window::None);
     work(&Task {
-        history,
-        grid,
-        weights: &weights,
         memory_bytes: context.memory_bytes,
         monitor: context.monitor,
-        numerics: Default::default(),
+        ..Task::new(history, grid, &weights)
     })
 }
 

@@ -73,12 +73,6 @@ impl InMemory {
         self
     }
 
-    /// Set the antenna beam.
-    #[must_use]
-    pub fn with_beam(self, beam: Option<Beam>) -> Self {
-        self.with_stated_beam(Ok(beam))
-    }
-
     /// Set the antenna beam, or the reason that the described antennas give none.
     #[must_use]
     pub fn with_stated_beam(mut self, beam: Result<Option<Beam>, NoBeam>) -> Self {

@@ -13,7 +13,6 @@ use subaperture::focus::{FormError, Formed, Task};
 use subaperture::image::{Comparison, Image};
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::product::{self, Product};
-use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::planner::forecast;
 use subaperture::resolution::survey::Survey;
@@ -47,12 +46,8 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     // A former includes its own image in its memory.
     let other_bytes = grid.num_pixels() * (IMAGES - 1) * 8;
     let task = Task {
-        history: &simulated,
-        grid: &grid,
-        weights: &weights,
         memory_bytes: session.memory_bytes - other_bytes,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(&simulated, &grid, &weights)
     };
     if typed.rehearsal.dry_run {
         ahead(session, typed, &task)?.announce(session, &typed.rehearsal)?;

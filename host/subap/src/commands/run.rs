@@ -36,7 +36,7 @@ use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::claim::OutputClaims;
-use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::io::written::WrittenFile;
 use subaperture::job::{FinishedStage, JobText, NAME, StageOutput, State};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 
@@ -296,10 +296,7 @@ fn print(
         let made = outcomes.iter().filter_map(|stage| state.made(stage.name));
         let files: Vec<WrittenFile> = made
             .flat_map(|made| &made.outputs)
-            .map(|output| {
-                let kind = output.kind.unwrap_or(FileKind::Record);
-                WrittenFile::new(job.out.join(&output.stamp.path), kind)
-            })
+            .map(|output| output.file(&job.out))
             .collect();
         return text::say_json("run", json!({ "stages": stages, "files": files }));
     }

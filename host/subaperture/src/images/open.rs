@@ -127,26 +127,6 @@ impl OpenImage {
             _ => Err(no_image(path, "")),
         }
     }
-
-    /// Whether the first bytes of a file identify an image. Pixels and metadata may still be damaged.
-    pub fn is_image(path: &Path) -> bool {
-        if path.is_dir() {
-            return [RECORD, tiles::NAME]
-                .iter()
-                .any(|name| path.join(name).exists())
-                || zarr::is_zarr(path);
-        }
-        if product_folder(path).is_some() || numbered(path).is_some() {
-            return true;
-        }
-        let mut start = [0; 4];
-        let read = path.is_file()
-            && open_file(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok());
-        read && matches!(
-            &start,
-            b"\x93NUM" | b"NITF" | b"NSIF" | b"II*\0" | b"MM\0*" | b"II+\0" | b"MM\0+"
-        )
-    }
 }
 
 fn no_image(path: &Path, found: &str) -> OpenError {

@@ -2,7 +2,8 @@
 //!
 //! Directions are unit vectors in the image's plane, `[along rows, along columns]`, positive towards ascending rows and columns. A direction of the scene appears
 //! in the plane as its orthogonal projection: in a slant plane, points at constant range and Doppler frequency lie on the plane's normal. Directions hold at the
-//! image's centre. Polar grids have none, since they differ from column to column.
+//! image's centre. On a polar grid they differ from column to column: the page computes them at the centre of the view, from the direction of north along the
+//! plane's axes and from the antenna's position.
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -20,10 +21,12 @@ pub(super) struct Axes {
     columns: Labelled,
     /// Angle between the image's plane and the horizontal plane, degrees; `None` without a grid.
     tilt_deg: Option<f64>,
-    /// North, if the image is georeferenced.
+    /// North, if the image is georeferenced; for a polar grid along the plane's y and x axes.
     north: Option<[f64; 2]>,
-    /// Direction from the antenna to the scene, if the antenna's position is known.
+    /// Direction from the antenna to the scene, if the antenna's position is known and the grid is not polar.
     look: Option<[f64; 2]>,
+    /// Antenna of a polar grid from the pole, along the plane's x and y axes and its normal, metres.
+    antenna_m: Option<[f64; 3]>,
 }
 
 /// Values along rows or columns.
@@ -53,6 +56,7 @@ impl Axes {
                 tilt_deg: None,
                 north: None,
                 look: None,
+                antenna_m: None,
             };
         };
         let (down, across) = (grid.rows, grid.columns);
@@ -77,7 +81,11 @@ impl Axes {
         let in_plane = |direction: DVec3| {
             let parts = [direction.dot(grid.y_axis), direction.dot(grid.x_axis)];
             let length = libm::hypot(parts[0], parts[1]);
-            (length > SHORT && !grid.polar).then(|| parts.map(|part| part / length))
+            (length > SHORT).then(|| parts.map(|part| part / length))
+        };
+        let from_pole_m = |antenna_m: DVec3| {
+            let axes = [grid.x_axis, grid.y_axis, grid.normal()];
+            axes.map(|axis| axis.dot(antenna_m - grid.origin_m))
         };
         let [rows, columns] = match grid.polar {
             true => [
@@ -100,7 +108,8 @@ impl Axes {
             columns,
             tilt_deg: up.map(tilt),
             north: direction(|[_, north, _]| north).and_then(in_plane),
-            look: look.and_then(in_plane),
+            look: look.filter(|_| !grid.polar).and_then(in_plane),
+            antenna_m: antenna_m.filter(|_| grid.polar).map(from_pole_m),
         }
     }
 
@@ -112,6 +121,7 @@ impl Axes {
             "tilt_deg": self.tilt_deg,
             "north": self.north,
             "look": self.look,
+            "antenna_m": self.antenna_m,
         })
     }
 }
@@ -155,7 +165,17 @@ mod tests {
         assert_eq!(Axes::of(&shown).look, None);
         let names = |axes: &Axes| [axes.rows.name, axes.columns.unit];
         assert_eq!(names(&placed), ["y", "m"]);
-        let polar = Axes::of(&of_ones("r=100:200:1,theta=-30:30:0.5", SceneFrame::Local));
+        let mut polar = of_ones("r=100:200:1,theta=-30:30:0.5", SceneFrame::Local);
+        polar.antenna_m = Some(DVec3::new(1.0, -2.0, 3.0));
+        let local = Axes::of(&polar);
+        assert_eq!(
+            (local.north, local.antenna_m),
+            (None, Some([1.0, -2.0, 3.0]))
+        );
+        polar.frame = SceneFrame::east_north_up(&origin);
+        let polar = Axes::of(&polar);
+        // Meridians converge: 150 m to the east, north deviates by 24 microradians.
+        assert_near(polar.north, [1.0, 0.0], 1e-4);
         assert_eq!((names(&polar), polar.look), (["range", "°"], None));
         assert!((polar.columns.start + 30.0).abs() < 1e-9);
         assert!((polar.columns.step - 0.5).abs() < 1e-9);

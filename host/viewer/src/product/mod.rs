@@ -30,7 +30,8 @@
 //! | `steps_m` | row and column spacing in the image's plane, metres (mid-range for a polar grid); `null` without a grid |
 //! | `axes.rows`, `axes.columns` | `name`, `unit`, `start` (value of the first pixel's centre) and `step` of the values along rows and columns |
 //! | `axes.tilt_deg` | angle between the image's plane and the horizontal plane: 0 for a ground plane, the slant angle for a slant plane |
-//! | `axes.north`, `axes.look` | direction of north, and from the antenna to the scene, at the image's centre: unit vector along ascending rows and columns; `null` if unknown |
+//! | `axes.north`, `axes.look` | direction of north, and from the antenna to the scene, at the image's centre: unit vector along ascending rows and columns; `null` if unknown. Of a polar grid: `north` along the plane's y and x axes, no `look` |
+//! | `axes.antenna_m` | antenna of a polar grid: metres from the pole along the plane's x and y axes and its normal; otherwise `null` |
 //! | `scale`, `histogram` | automatic levels (upper level, dynamic range), and the counts that they were chosen from |
 //!
 //! # Limits

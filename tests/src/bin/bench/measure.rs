@@ -12,7 +12,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use subaperture::focus::formers::{FORMERS, former};
-use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, machine};
+use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, Task, machine};
 use subaperture::monitor::Silent;
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -146,12 +146,8 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
     let grid = case.grid(side);
     let former = asked.former();
     let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
         memory_bytes,
-        monitor: &Silent,
-        numerics: Default::default(),
+        ..Task::new(&history, &grid, &weights)
     };
     let begun = Instant::now();
     let mut shortest = [f64::INFINITY, 0.0];
@@ -171,13 +167,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
     let peak_bytes = machine::peak_bytes().unwrap_or(0);
     let [error_db, scaled_db] = errors_db(&formed.image.pixels, side, &judged);
     let weights = Weights::new(history.collection(), Window::Hamming, Window::Hamming);
-    let spec = ImageSpec {
-        collection: history.collection(),
-        grid: &grid,
-        weights: &weights,
-        scratch_bytes: SCRATCH_BYTES,
-        numerics: Default::default(),
-    };
+    let spec = ImageSpec::new(history.collection(), &grid, &weights);
     // Where the error required a second plan, its operations are not recorded.
     let replanned = formed.settings.contains_key("planned_for_db");
     let plan = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).ok();

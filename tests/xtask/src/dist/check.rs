@@ -13,6 +13,9 @@ const CHANGE_ROOT: [&[&str]; 2] = [&["chroot"], &["unshare", "-r", "chroot"]];
 /// Exit status of `chroot` if the system refuses it.
 const REFUSED: i32 = 125;
 
+/// Pixels of the demo under emulation, which is many times slower: few.
+const EMULATED_GRID: &str = "x=-5:5:0.5,y=-5:5:0.5";
+
 /// An archive unpacked in a folder of its own, which is removed when dropped.
 pub(super) struct Unpacked {
     root: PathBuf,
@@ -55,10 +58,11 @@ impl Unpacked {
         self.checked_demo(self.command(before, &["demo"])).map(Some)
     }
 
-    /// Run `subap demo` of an AArch64 archive under `qemu-aarch64`, with an empty environment. Returns its output.
+    /// Run `subap demo` of an AArch64 archive on few pixels under `qemu-aarch64`, with an empty environment. Returns its output.
     pub(super) fn demo_emulated(&self) -> Result<String, String> {
         let mut command = Command::new("qemu-aarch64");
-        command.arg(self.root.join("subap")).arg("demo");
+        command.arg(self.root.join("subap"));
+        command.args(["demo", "--grid", EMULATED_GRID]);
         command.current_dir(&self.root);
         self.checked_demo(bare(&mut command).output())
     }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::FastFactorised;
-use crate::{BoundPolicy, ImageFormer, ImageSpec, SCRATCH_BYTES, Task};
+use crate::{BoundPolicy, ImageFormer, ImageSpec, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::{PhaseHistory, Weights};
@@ -43,27 +43,14 @@ fn cost_model_matches_counted_operations() {
     ] {
         let grid: ImageGrid = grid.parse().unwrap();
         let former = FastFactorised { error_db };
-        let spec = ImageSpec {
-            collection: history.collection(),
-            grid: &grid,
-            weights: &weights,
-            scratch_bytes: SCRATCH_BYTES,
-            numerics: Default::default(),
-        };
+        let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let goal = former.goal(BoundPolicy::Allowed);
         let predicted = former
             .decide(&spec, &goal, &Silent)
             .unwrap()
             .cost
             .operations;
-        let task = Task {
-            history: &history,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: 1 << 30,
-            monitor: &Silent,
-            numerics: Default::default(),
-        };
+        let task = Task::new(&history, &grid, &weights);
         OPERATIONS.store(0, Ordering::Relaxed);
         former.form_best(&task).unwrap();
         let done = OPERATIONS.load(Ordering::Relaxed) as f64;

@@ -50,7 +50,7 @@ use subaperture_fft::{Fft, Transforms};
 
 use super::Entry;
 use super::error_bound::error_bound;
-use super::frequency_domain::{self, FrequencyDomain};
+use super::frequency_domain::{FrequencyDomain, observable};
 use super::options::ERROR_DB;
 use crate::cost::transform;
 use crate::frequency_domain::{Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, TAPS};
@@ -88,27 +88,7 @@ impl FrequencyDomain for OmegaK {
     }
 }
 
-impl OmegaK {
-    /// Array sizes for the pixels of `grid`.
-    ///
-    /// # Errors
-    /// [`FormError::Unsuited`], as for [`ImageFormer::form`](crate::ImageFormer::form).
-    pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
-        frequency_domain::sizes(self, collection, grid)
-    }
-
-    /// Form the image as [`ImageFormer::form_planned`](crate::ImageFormer::form_planned), and pass every intermediate array to `observe`.
-    ///
-    /// # Errors
-    /// Errors of [`ImageFormer::form_planned`](crate::ImageFormer::form_planned).
-    pub fn form_observed(
-        &self,
-        task: &Task,
-        observe: &mut dyn FnMut(&Stage),
-    ) -> Result<Formed, FormError> {
-        frequency_domain::form_observed(self, task, observe)
-    }
-}
+observable!(OmegaK);
 
 /// Exact range wavenumber of a sample.
 pub(crate) struct Stolt;

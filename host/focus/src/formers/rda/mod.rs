@@ -54,7 +54,7 @@ use subaperture_fft::{Fft, Transforms};
 
 use super::Entry;
 use super::error_bound::error_bound;
-use super::frequency_domain::{self, FrequencyDomain};
+use super::frequency_domain::{FrequencyDomain, observable};
 use super::options::{ERROR_DB, FormerOption, OptionType};
 use crate::cost::transform;
 use crate::frequency_domain::{Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, TAPS};
@@ -127,27 +127,7 @@ impl FrequencyDomain for RangeDopplerAlgorithm {
     }
 }
 
-impl RangeDopplerAlgorithm {
-    /// Array sizes for the pixels of `grid`.
-    ///
-    /// # Errors
-    /// [`FormError::Unsuited`], as for [`ImageFormer::form`](crate::ImageFormer::form).
-    pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
-        frequency_domain::sizes(self, collection, grid)
-    }
-
-    /// Form the image as [`ImageFormer::form_planned`](crate::ImageFormer::form_planned), and pass every intermediate array to `observe`.
-    ///
-    /// # Errors
-    /// Errors of [`ImageFormer::form_planned`](crate::ImageFormer::form_planned).
-    pub fn form_observed(
-        &self,
-        task: &Task,
-        observe: &mut dyn FnMut(&Stage),
-    ) -> Result<Formed, FormError> {
-        frequency_domain::form_observed(self, task, observe)
-    }
-}
+observable!(RangeDopplerAlgorithm);
 
 fn centre_wavenumber(band: &Band) -> f64 {
     2.0 * TAU * band.centre_hz() / SPEED_OF_LIGHT_M_S

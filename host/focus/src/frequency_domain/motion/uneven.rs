@@ -11,7 +11,7 @@
 
 use num_complex::Complex32;
 
-use crate::frequency_domain::axes::{TAPS, cells};
+use crate::frequency_domain::taps::{TAPS, cells};
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
 /// Relative RMS error: the kernel (-107 dB) and its table (-114 dB).

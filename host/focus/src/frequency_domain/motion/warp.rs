@@ -16,7 +16,7 @@ use num_complex::Complex32;
 use subaperture_fft::{Fft, Transforms};
 
 use super::profiles::Profiles;
-use crate::frequency_domain::TAPS;
+use crate::frequency_domain::taps::TAPS;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::fast_length::fast_length;

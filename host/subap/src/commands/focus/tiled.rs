@@ -357,12 +357,9 @@ impl InParts<'_> {
         };
         let progress = job.session.progress("checking");
         let task = Task {
-            history: job.history,
-            grid: self.spec.grid,
-            weights: self.spec.weights,
             memory_bytes: job.session.memory_bytes,
             monitor: &progress,
-            numerics: Default::default(),
+            ..Task::new(job.history, self.spec.grid, self.spec.weights)
         };
         let checking = check::Plan::of_parts(&task, image, count)?;
         Ok(Some(checking.against_exact(&task, image, plan.bound_db)?))

@@ -202,12 +202,9 @@ impl<'a> From<'a> {
         let chips: Vec<Chip> = chips.collect::<Result<_, _>>()?;
         let chip = &chips[0];
         let task = Task {
-            history,
-            grid: &chip.grid,
-            weights: &weights,
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
-            numerics: Default::default(),
+            ..Task::new(history, &chip.grid, &weights)
         };
         let forming = forecast::forecast(chip.former, &task)?;
         // The beam is measured from all pulses.
@@ -242,12 +239,9 @@ impl<'a> From<'a> {
         let progress = self.session.progress("forming a chip");
         let weights = Weights::new(collection, fast, slow);
         let task = Task {
-            history,
-            grid: &grid,
-            weights: &weights,
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
-            numerics: Default::default(),
+            ..Task::new(history, &grid, &weights)
         };
         let image = former
             .form_best(&task)

@@ -22,6 +22,27 @@ function scaleBar(about) {
   return { length, width: length / step * per, text: metres(length) + where };
 }
 
+// Value at a place along rows or columns. Pixel r covers r to r + 1, with its centre at r + 0.5.
+const value = (axis, at) => axis.start + (at - 0.5) * axis.step;
+
+// Direction of north or of the line of sight, along ascending rows and columns as the page scales them; null if unknown. On a polar grid at the centre of
+// the view, or at the pixel nearest to it.
+function direction(about, key) {
+  const { rows, columns, north, antenna_m } = about.axes, centre = map.getCenter();
+  if (!about.polar) return about.axes[key];
+  const near = (at, count) => Math.min(Math.max(at, 0.5), count - 0.5);
+  const range = value(rows, near(centre.lat, about.rows)), angle = value(columns, near(centre.lng, about.columns)) * Math.PI / 180;
+  const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+  let [y, x] = north ?? [0, 0];
+  if (key === "look") {
+    if (!antenna_m) return null;
+    [x, y] = [range * cos - antenna_m[0], range * sin - antenna_m[1]];
+    if (Math.hypot(x, y) < 0.05 * Math.hypot(x, y, antenna_m[2])) return null;
+  }
+  // The page draws columns as wide as at mid-range.
+  return range && (x || y) && [x * cos + y * sin, (y * cos - x * sin) * about.steps_m[1] / (range * about.columns_axis[1])];
+}
+
 function drawFrame() {
   const about = image();
   if (!about || !view.placed) return;
@@ -32,8 +53,7 @@ function drawFrame() {
   const text = css("--ink"), paper = css("--panel"), { rows, columns } = about.axes, base = tall - EDGE_BOTTOM, said = [];
   ink.fillStyle = paper; ink.fillRect(0, 0, EDGE_LEFT, tall); ink.fillRect(0, base, wide, EDGE_BOTTOM);
   ink.fillStyle = ink.strokeStyle = text; ink.lineWidth = 1;
-  // Pixel r covers r to r + 1, with its centre at r + 0.5.
-  const value = (axis, at) => axis.start + (at - 0.5) * axis.step, pixel = (axis, v) => (v - axis.start) / axis.step + 0.5;
+  const pixel = (axis, v) => (v - axis.start) / axis.step + 0.5;
   const corners = [map.containerPointToLatLng([EDGE_LEFT, base]), map.containerPointToLatLng([wide, 0])];
   const ends = (axis, key) => corners.map((corner) => value(axis, corner[key])).sort((a, b) => a - b);
   const unit = (axis) => (axis.unit ? `${axis.name} (${axis.unit})` : axis.name);
@@ -66,9 +86,10 @@ function drawFrame() {
   // Arrows: along ascending rows and columns, as the page shows them.
   let middle = wide - 34;
   for (const [label, key] of [["N", "north"], ["look", "look"]]) {
-    const direction = about.axes[key];
-    if (!direction) continue;
-    const angle = Math.atan2(about.right * direction[1], about.up * direction[0]);
+    const towards = direction(about, key);
+    delete frame.dataset[key];
+    if (!towards) continue;
+    const angle = Math.atan2(about.right * towards[1], about.up * towards[0]);
     ink.save(); ink.translate(middle, 40);
     ink.fillStyle = paper; ink.beginPath(); ink.roundRect(-27, -27, 54, 72, 27); ink.fill();
     ink.rotate(angle);
