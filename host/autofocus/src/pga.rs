@@ -148,8 +148,8 @@ impl PhaseGradient {
         let channels = collection.pulses.len() / turns;
         let most = (MAX_VALUES / (turns * channels)).max(MIN_TILES);
         tiling.keep(most);
-        // Complex: a row, its profile and the gradient of its cells. Real: powers, means and their slopes.
-        let bytes = |tiles: usize| (12 * 8 * tiles * turns * channels) as u64;
+        // Complex: a row, and at two samples per cell its profile and the gradient of that. Real, as many: powers, means and their slopes.
+        let bytes = |tiles: usize| (22 * 8 * tiles * turns * channels) as u64;
         while tiling.tiles.len() > MIN_TILES
             && look.room("tiles", bytes(tiling.tiles.len())).is_err()
         {
