@@ -78,6 +78,9 @@ const DRIVE: &str = "time_s,lat_deg,lon_deg,height_m
 3,47,8.00003,400
 ";
 
+/// In the message about older files that cannot be put back.
+const INCOMPLETE: &str = "outputs are incomplete";
+
 /// A command and the files that it writes; of a folder, the folder.
 struct Case {
     line: &'static str,
@@ -288,7 +291,7 @@ fn judge(
         assert!(case.outputs.iter().find(named).is_some(), "{report}");
         let is_whole = after == *before || all_new(at, case, before, &after);
         // On a disk that stays broken, files that cannot be put back are named.
-        let is_reported = fault.lasts && ran.stderr.contains("no partial output was left");
+        let is_reported = fault.lasts && ran.stderr.contains(INCOMPLETE);
         if is_reported {
             return;
         }
@@ -350,7 +353,7 @@ fn every_call_fails(codes: Codes, lasts: bool) {
                     judge(at, case, fault, &ran, &before);
                     is_over = ran.1.is_empty();
                     failures += usize::from(ran.0.code != Some(0));
-                    if ran.0.stderr.contains("no partial output was left") {
+                    if ran.0.stderr.contains(INCOMPLETE) {
                         written();
                     }
                 }
