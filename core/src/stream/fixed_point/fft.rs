@@ -17,7 +17,7 @@
 //!
 //! **Accuracy**, relative RMS error: -152 dB or better on noise of amplitude `2^31`, -131 dB on noise of `2^20`,
 //! for all lengths (`tests/stream/fixed_stages.rs`). **Cost**: no memory; `N/4 log4 N` radix-4 butterflies of 12
-//! multiplications of 32 x 32 to 64 bits.
+//! multiplications of 32 x 32 to 64 bits; `N` twiddle factors are read from the table.
 //!
 //! ```
 //! use num_complex::Complex;
@@ -28,6 +28,8 @@
 //! assert_eq!(fft::inverse(&mut x), 0);
 //! assert_eq!(x.map(|v| (v.re, v.im)), [(1000, 0), (0, 1000), (-1000, 0), (0, -1000)]);
 //! ```
+
+use core::cell::Cell;
 
 use num_complex::Complex;
 
@@ -84,11 +86,12 @@ fn magnitude_mask(value: Complex<i32>) -> u32 {
     ((value.re ^ (value.re >> 31)) | (value.im ^ (value.im >> 31))) as u32
 }
 
-/// `value 2^-shift` rounded to nearest; `shift` at most 3, shifted parts at most `2^31 - 1`.
+/// `value 2^-shift` rounded to nearest; `shift` at most 3, shifted parts at most `2^29`.
 #[inline]
 fn shifted(value: Complex<i32>, shift: u32) -> Complex<i32> {
-    // Truncate, then add the last dropped bit. Adding a half before the shift could exceed 2^31.
-    let part = |x: i32| (x >> shift) + (((x << 1) >> shift) & 1);
+    // One extra bit is kept to round halves up within 32 bits.
+    let last = shift.min(1);
+    let part = |x: i32| ((x >> (shift - last)) + last as i32) >> last;
     Complex::new(part(value.re), part(value.im))
 }
 
@@ -105,37 +108,75 @@ fn radix_2(buffer: &mut [Complex<i32>], shift: u32) -> u32 {
 }
 
 /// Radix-4 stage: combine four transforms of `part` points. Returns the magnitude bits of the result.
+///
+/// Butterflies with the same twiddle factors, one in each block of `4 part` points, follow each other.
 fn radix_4(buffer: &mut [Complex<i32>], part: usize, shift: u32) -> u32 {
     let mut mask = 0;
     // Twiddle factor j of 4 part points is table point j stride of 4096; part is at least 1.
     let stride = (sine::POINTS / 4) >> part.ilog2();
-    for block in buffer.chunks_exact_mut(4 * part) {
-        let Some((lower, upper)) = block.split_at_mut_checked(2 * part) else {
-            continue;
-        };
-        let Some((zeroth, second)) = lower.split_at_mut_checked(part) else {
-            continue;
-        };
-        let Some((first, third)) = upper.split_at_mut_checked(part) else {
-            continue;
-        };
-        // Bit-reversed order: the sub-transform of samples 4n + 2 precedes that of 4n + 1.
-        let lower = zeroth.iter_mut().zip(second);
-        let upper = first.iter_mut().zip(third);
-        for (j, ((a, c), (b, d))) in lower.zip(upper).enumerate() {
-            let [y0, mut y1, mut y2, mut y3] = [*a, *b, *c, *d].map(|y| shifted(y, shift));
-            if j > 0 {
-                y1 = sine::rotated(y1, sine::unit(j * stride));
-                y2 = sine::rotated(y2, sine::unit(2 * j * stride));
-                y3 = sine::rotated(y3, sine::unit(3 * j * stride));
-            }
-            let (t0, t1, t2, t3) = (y0 + y2, y0 - y2, y1 + y3, y1 - y3);
-            let t3 = Complex::new(-t3.im, t3.re);
-            // Outputs j + q part: zeroth, second, first and third are stored at offsets of 0, 1, 2 and 3 parts.
-            (*a, *c, *b, *d) = (t0 + t2, t1 + t3, t0 - t2, t1 - t3);
-            mask |=
-                magnitude_mask(*a) | magnitude_mask(*b) | magnitude_mask(*c) | magnitude_mask(*d);
+    let buffer = Cell::from_mut(buffer).as_slice_of_cells();
+    for block in buffer.chunks_exact(4 * part) {
+        mask |= butterfly(block, 0, part, shift, |y, _| y);
+    }
+    for j in 1..part {
+        let twiddles = [1, 2, 3].map(|n| sine::unit(n * j * stride));
+        for block in buffer.chunks_exact(4 * part) {
+            mask |= butterfly(block, j, part, shift, |y, n| match twiddles.get(n) {
+                Some(twiddle) => sine::rotated(y, *twiddle),
+                None => y,
+            });
         }
     }
     u32::BITS - mask.leading_zeros()
+}
+
+/// Butterfly of the points `j` of four transforms in `block`. `rotated` applies twiddle factor 0, 1 or 2. Returns the
+/// magnitude mask of the result.
+#[inline(always)]
+fn butterfly(
+    block: &[Cell<Complex<i32>>],
+    j: usize,
+    part: usize,
+    shift: u32,
+    rotated: impl Fn(Complex<i32>, usize) -> Complex<i32>,
+) -> u32 {
+    // Bit-reversed order: the sub-transform of samples 4n + 2 precedes that of 4n + 1.
+    let at = |n: usize| block.get(j + n * part);
+    let (Some(a), Some(c), Some(b), Some(d)) = (at(0), at(1), at(2), at(3)) else {
+        return 0;
+    };
+    let y0 = shifted(a.get(), shift);
+    let y1 = rotated(shifted(b.get(), shift), 0);
+    let y2 = rotated(shifted(c.get(), shift), 1);
+    let y3 = rotated(shifted(d.get(), shift), 2);
+    let (t0, t1, t2, t3) = (y0 + y2, y0 - y2, y1 + y3, y1 - y3);
+    let t3 = Complex::new(-t3.im, t3.re);
+    // Outputs j + q part: zeroth, second, first and third are stored at offsets of 0, 1, 2 and 3 parts.
+    let outputs = [t0 + t2, t1 + t3, t0 - t2, t1 - t3];
+    let mut mask = 0;
+    for (place, output) in [a, c, b, d].into_iter().zip(outputs) {
+        place.set(output);
+        mask |= magnitude_mask(output);
+    }
+    mask
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shift_rounds_to_nearest_for_every_magnitude_a_stage_shifts() {
+        for shift in 0..=3u32 {
+            let most = if shift > 1 { i32::MAX } else { 1 << 30 };
+            for distance in 0..100 {
+                for x in [most - distance, -most + distance, distance, -distance] {
+                    let exact = (i64::from(x) + ((1 << shift) >> 1)) >> shift;
+                    let value = shifted(Complex::new(x, x), shift);
+                    assert_eq!(i64::from(value.re), exact);
+                    assert_eq!(i64::from(value.im), exact);
+                }
+            }
+        }
+    }
 }

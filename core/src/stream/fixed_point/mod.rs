@@ -76,6 +76,7 @@ pub mod fft;
 mod row;
 pub mod sine;
 
+use core::cell::Cell;
 use core::num::NonZeroU32;
 
 use num_complex::Complex;
@@ -234,7 +235,8 @@ impl Engine for FixedEngine<'_> {
             work.patch.num_doppler_bins(),
             usize::from(work.patch.doppler_reach),
         );
-        let (Some(folded), Some(values), Some(cells), Some(exponent)) = (
+        let (Some(phases), Some(folded), Some(values), Some(cells), Some(exponent)) = (
+            phases.get_mut(..num_pulses),
             folded.get_mut(..num_pulses),
             values.get_mut(..rows),
             cells.get_mut(k..),
@@ -243,22 +245,15 @@ impl Engine for FixedEngine<'_> {
             return;
         };
 
-        let samples = work.samples.get(k..).unwrap_or_default().iter();
-        let samples = samples.step_by(frequencies.max(1)).copied();
+        let samples = work.samples.get(..num_pulses * frequencies);
+        let samples = samples.unwrap_or_default().chunks_exact(frequencies.max(1));
+        let samples = samples.map(|pulse| pulse.get(k).copied().unwrap_or_default());
         let guard_bits = column::guard_bits(num_pulses);
         let folded = column::fold(phases, samples, k, guard_bits, folded);
         let from_centre = k as i64 - (frequencies / 2) as i64;
         let half_turn = prepared
             .half_turn
             .plus(prepared.half_turn_step.times(from_centre));
-        let (below, rest) = values.split_at_mut_checked(reach).unwrap_or_default();
-        let mut above = rest.iter_mut();
-        if let Some(zero) = above.next() {
-            *zero = folded.zero_bin();
-        }
-        for (d, (above, below)) in (1..).zip(above.zip(below.iter_mut().rev())) {
-            [*above, *below] = folded.bins(half_turn.times(d));
-        }
 
         let weight = work.weights.get(k).copied().unwrap_or(0.0);
         let weight = Scaled::from_f32(weight).unwrap_or_else(|| {
@@ -266,22 +261,43 @@ impl Engine for FixedEngine<'_> {
             Scaled::ZERO
         });
         let scale = prepared.scale.times(weight);
-        let mut peak = 0;
-        for value in values.iter_mut() {
-            // Both factors are below 2^31, and so is the rounded upper part of the product.
-            let product = |x: i32| i64::from(x) * i64::from(scale.mantissa);
-            let scaled = |x: i32| ((product(x) + (1 << 30)) >> 31) as i32;
-            *value = Complex::new(scaled(value.re), scaled(value.im));
-            peak = block::peak(peak, *value);
+        let gain = column::Gain::new(scale.mantissa);
+        let Some((zero, bins)) = values.split_first_mut() else {
+            return;
+        };
+        let value = folded.zero_bin();
+        *zero = Complex::new(gain.times(value.re), gain.times(value.im));
+        let mut peak = block::peak(0, *zero);
+        if !bins.is_empty() {
+            let bins = Cell::from_mut(&mut *bins).as_slice_of_cells();
+            let (bins, _) = bins.as_chunks();
+            peak = peak.max(folded.bins(half_turn, bins, gain));
         }
+
         let unit = scale.exponent + guard_bits as i32 - 27;
         let narrowing = Narrowing::new(peak, unit);
         *exponent = narrowing.exponent;
-        for (cell, value) in cells.iter_mut().step_by(stride).zip(values.iter()) {
-            let (narrow, clamped) = narrowing.apply(*value);
+        let mut saturated = 0;
+        let mut narrow = |cell: &mut Sc16, value: Complex<i32>| {
+            let (narrow, clamped) = narrowing.apply(value);
             *cell = narrow;
-            self.saturated = self.saturated.saturating_add(clamped.into());
+            saturated += u32::from(clamped);
+        };
+        let (bins, _) = bins.as_chunks();
+        let (below, above) = cells
+            .split_at_mut_checked(reach * stride)
+            .unwrap_or_default();
+        for (cell, [value, _]) in below.iter_mut().step_by(stride).zip(bins.iter().rev()) {
+            narrow(cell, *value);
         }
+        if let Some((cell, above)) = above.split_first_mut() {
+            narrow(cell, *zero);
+            let above = above.get_mut(stride - 1..).unwrap_or_default().iter_mut();
+            for (cell, [_, value]) in above.step_by(stride).zip(bins) {
+                narrow(cell, *value);
+            }
+        }
+        self.saturated = self.saturated.saturating_add(saturated);
     }
 
     fn row(&mut self, work: &Work<'_, Sc16>, row: usize) {

@@ -60,40 +60,54 @@ const fn quarter_wave() -> [i32; QUARTER + 1] {
 /// Phasor of a table point, `exp(+j 2 pi index / 4096)`.
 #[inline]
 pub fn unit(index: usize) -> Complex<i32> {
-    // An index below 1024 and its complement are always within the table of 1025 entries.
-    let up = index % QUARTER;
+    let half = index % (2 * QUARTER);
+    // Within the table of 1025 entries, since `half` is at most 2047.
+    let complement = half.abs_diff(QUARTER);
     let at = |place: usize| SINE.get(place).copied().unwrap_or(0);
-    let (sin, cos) = (at(up), at(QUARTER - up));
-    match (index / QUARTER) % 4 {
-        0 => Complex::new(cos, sin),
-        1 => Complex::new(-sin, cos),
-        2 => Complex::new(-cos, -sin),
-        _ => Complex::new(sin, -cos),
-    }
+    let (cos, sin) = (at(complement), at(QUARTER - complement));
+    // Without branches: -1 where a part changes its sign, otherwise 0.
+    let sign = |bit: usize| -((bit / QUARTER / 2 % 2) as i32);
+    let signed = |part: i32, sign: i32| (part ^ sign) - sign;
+    Complex::new(signed(cos, sign(index + QUARTER)), signed(sin, sign(index)))
 }
 
 /// Phasor of a phase, `exp(+j 2 pi t)`.
 pub fn phasor(turns: Turns) -> Complex<i32> {
-    // Round to units of 2^-32 turns; one turn wraps.
-    let phase = (turns.0.wrapping_add(1 << 31) >> 32) as u32;
+    of_phase(phase(turns))
+}
+
+/// Phase rounded to units of `2^-32` turns.
+#[inline]
+pub(super) fn phase(turns: Turns) -> u32 {
+    // One turn wraps.
+    ((turns.0 >> 32) as u32).wrapping_add((turns.0 >> 31) as u32 & 1)
+}
+
+/// Phasor of a phase in units of `2^-32` turns.
+#[inline]
+pub(super) fn of_phase(phase: u32) -> Complex<i32> {
     let index = phase.wrapping_add(1 << (STEP_BITS - 1)) >> STEP_BITS;
-    // In the range -2^19 ..= 2^19 - 1.
-    let rest = phase.wrapping_sub(index << STEP_BITS) as i32;
 
     // delta and delta^2 / 2 in units of 2^-40 are below 2^30 and 2^19, so both fit 32 bits and every product is
-    // 32 x 32 bits.
-    let delta = ((i64::from(rest) * TAU_2_28) >> 20) as i32;
-    let half_square = ((i64::from(delta) * i64::from(delta)) >> 41) as i32;
+    // 32 x 32 bits. The shift drops the index, and leaves `rest 2^12`.
+    let delta = upper(i64::from((phase << 12) as i32) * TAU_2_28);
+    let half_square = upper(i64::from(delta) * i64::from(delta)) >> 9;
     let (delta, half_square) = (i64::from(delta), i64::from(half_square));
     let Complex { re: cos, im: sin } = unit(index as usize);
     let (wide_cos, wide_sin) = (i64::from(cos), i64::from(sin));
     // Each below 2^61.
     let less = wide_sin * delta + wide_cos * half_square;
-    let more = wide_cos * delta - wide_sin * half_square;
+    let more = wide_cos * delta + wide_sin * -half_square;
     Complex::new(
-        cos - ((less + HALF) >> 40) as i32,
-        sin + ((more + HALF) >> 40) as i32,
+        cos - (upper(less + HALF) >> 8),
+        sin + (upper(more + HALF) >> 8),
     )
+}
+
+/// Upper half of a product.
+#[inline]
+fn upper(x: i64) -> i32 {
+    (x >> 32) as i32
 }
 
 /// Rotate `value` by a phasor, rounded to nearest. Parts of `value` must be at most `2^30.4`, so that the result
@@ -103,7 +117,8 @@ pub(super) fn rotated(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32>
     let wide = |x: i32, y: i32| i64::from(x) * i64::from(y);
     let narrow = |x: i64| ((x + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS) as i32;
     Complex::new(
-        narrow(wide(value.re, phasor.re) - wide(value.im, phasor.im)),
+        // A sum, for processors that multiply and add in one instruction.
+        narrow(wide(value.re, phasor.re) + wide(value.im, -phasor.im)),
         narrow(wide(value.re, phasor.im) + wide(value.im, phasor.re)),
     )
 }
