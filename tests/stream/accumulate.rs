@@ -3,9 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use num_complex::{Complex32, Complex64};
-use subaperture_core::accumulate::{
-    Centre, PixelGrid, add_map, add_power,
-};
+use subaperture_core::accumulate::{Centre, PixelGrid, add_map, add_power};
 use subaperture_core::keystone::KeystoneTable;
 use subaperture_core::{Axes, Map, Params, Plan, Shape, Tables, Window};
 

@@ -4,9 +4,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
-use subaperture_core::accumulate::{
-    Kernel, PixelGrid, add_patch_map,
-};
+use subaperture_core::accumulate::{Kernel, PixelGrid, add_patch_map};
 use subaperture_core::stream::{
     BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, Setup, nodes, power_of_two,
 };
