@@ -1,5 +1,5 @@
-//! Images that a module accumulates, over lossy lines: no wrong pixel is ever accepted, no sub-CPI is added twice, and what an
-//! image lacks is listed.
+//! Images that a module accumulates, over lossy lines: no wrong pixel is ever accepted, no sub-CPI is added twice, and missing
+//! sub-CPIs are listed.
 //!
 //! The module is the firmware's own endpoint in a thread of this process. Images are compared bit by bit with the sum of the
 //! maps of the core run here.

@@ -155,7 +155,7 @@ fn default_grid_samples_near_range_scene_without_aliasing() {
     for i in 0..=20 {
         for j in 0..=20 {
             let [x, y] = extents(&collection, places(i, j));
-            // Twice as fine as necessary, except for what positions between the survey's 9 x 9 may add.
+            // Twice as fine as necessary, except for the margin of positions between the survey's 9 x 9.
             let oversampling = (1.0 / (grid.columns.step * x)).min(1.0 / (grid.rows.step * y));
             least = least.min(oversampling);
         }

@@ -55,7 +55,7 @@ impl<const TAPS: usize, const PHASES: usize> Kernel<TAPS, PHASES> {
     /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Number of taps.
+    /// Number of taps, an even number.
     pub const TAPS: usize = TAPS;
 
     /// Number of taps at or before the interpolated position.

@@ -418,7 +418,7 @@ pub struct AssembledChip<'s> {
     pub left_out: u32,
     /// Encoding of the pixels.
     pub encoding: Encoding,
-    /// Pixels as received.
+    /// Bytes of the pixels as received ([`AssembledChip::pixels`]).
     pub bytes: &'s [u8],
 }
 

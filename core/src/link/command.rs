@@ -199,7 +199,7 @@ pub struct ChipGrid {
 }
 
 impl ChipGrid {
-    /// Number of pixels.
+    /// Number of pixels, columns times rows.
     pub fn num_pixels(&self) -> usize {
         usize::from(self.num_columns).saturating_mul(self.num_rows.into())
     }

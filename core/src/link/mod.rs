@@ -158,7 +158,7 @@
 //! - Images: after `Chip` for every patch, each sub-CPI is added to all chips exactly once, in any number of runs. A
 //!   sub-CPI that was already added is not added again, an incomplete one is not added, and an `Abort` first completes a
 //!   sub-CPI that some chips contain: the run is over when `Status` says so. `Accumulated` is answered by the list of
-//!   the sub-CPIs added, from which the host knows what to repeat. `SendChip` between runs is answered by `ChipStart`,
+//!   the sub-CPIs added, from which the host derives the sub-CPIs to repeat. `SendChip` between runs is answered by `ChipStart`,
 //!   `ChipPart` and `ChipEnd`. A host that does not receive all of them repeats it. `Configure` discards the chips.
 //! - Maps are not retransmitted. An incomplete map is lost and the rest of the run is not affected. The last `Status`
 //!   of the run states the number of maps.

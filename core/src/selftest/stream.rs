@@ -1,7 +1,7 @@
 //! Self-tests of the stream from pulses to frames, in float32 and in fixed point.
 //!
 //! Each test does two runs in the same buffers, with even and with odd sizes. Each run has two full sub-CPIs and a partial
-//! third, and two patches, one of which has rows longer than a pulse. **Output**: FNV-1a of the maps in order: header
+//! third, and two patches, one with rows longer than a pulse. **Output**: FNV-1a of the maps in order: header
 //! (numbers, times, weight, nodes), bits of the values (in fixed point mantissas, then exponents), and frames of the link.
 //!
 //! **Memory**: stated by `BYTES`; the fixed-point test fits a part with 16 KiB of RAM. **Cost**: pulses are generated in

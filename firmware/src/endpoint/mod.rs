@@ -154,7 +154,7 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
         *start = start.saturating_add(count).min(*end);
     }
 
-    /// Do one processing step, unless a map or chip waits to be sent. Returns false if there was nothing to do.
+    /// Do one processing step, unless a map or chip waits to be sent. Returns whether there was a step to do.
     pub fn work(&mut self) -> bool {
         self.module.work()
     }

@@ -74,7 +74,7 @@ impl<E: WireEngine> Module<'_, E> {
         }
     }
 
-    /// What is sent after a map.
+    /// Transfer after a map: its detections, if requested.
     pub(super) fn after_map(&self) -> Transfer {
         match self.products.cfar {
             Some(_) => Transfer::Detections(0),

@@ -216,7 +216,7 @@ fn channels_of_job<'de, D: Deserializer<'de>>(
     settings::parsed_by(from, several_channels).map(Some)
 }
 
-/// What a module sends.
+/// Product that a module sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Sent {
     /// Range-Doppler maps of every patch and sub-CPI
@@ -252,7 +252,7 @@ pub(crate) struct Link {
     #[arg(long, short, value_name = "PATH", value_hint = ValueHint::AnyPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// What the module sends
+    /// Product that the module sends
     #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
     pub(crate) send: Sent,
 

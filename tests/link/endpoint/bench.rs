@@ -321,14 +321,14 @@ impl<E: WireEngine + 'static> Bench<E> {
         assert_eq!(status.maps as usize, sub_cpis * scene.patches.len());
     }
 
-    /// Configure both chips.
+    /// Configure the chips of both patches.
     pub(crate) fn set_chips(&mut self) {
         for chip in [CHIP, SMALL_CHIP] {
             assert_eq!(self.send(&Command::Chip(chip)), None);
         }
     }
 
-    /// Request both chips, and return what came.
+    /// Request both chips and return the received ones.
     pub(crate) fn collect(&mut self) -> Vec<Chip> {
         self.chips.clear();
         for patch in 0..2 {

@@ -158,7 +158,7 @@ impl Folded<'_> {
         if self.centre.is_some() { 2 } else { 1 }
     }
 
-    /// Write `X(-d)` and `X(+d)` times `gain` to bin `d` of `bins`, the first of which is `d = 1`. Returns the peak of
+    /// Write `X(-d)` and `X(+d)` times `gain` to bin `d` of `bins`, which begin with `d = 1`. Returns the peak of
     /// the parts. `half_turn` is the phase of bin 1 per half pulse, `a_k / (2 D)` turns.
     #[inline(never)]
     pub(super) fn bins(&self, half_turn: Turns, bins: &[Bin], gain: Gain) -> u32 {

@@ -1,4 +1,4 @@
-//! What a module sends: maps, detections, or an image that it accumulates.
+//! Products of a module: maps, detections, or an image that it accumulates.
 
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Detection};
@@ -25,7 +25,7 @@ impl Products<'_> {
     }
 }
 
-/// Receiver of detections.
+/// Receiver of the detections of a module.
 pub trait DetectionSink {
     /// Accept all detections on the map of a patch in a sub-CPI, strongest first. Every list is passed once, in any order.
     ///

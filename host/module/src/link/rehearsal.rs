@@ -49,10 +49,10 @@ impl DetectionSink for Clock {
     }
 }
 
-/// What the module of a rehearsed job sends.
+/// Product of a rehearsed job.
 #[derive(Clone, Copy, Debug)]
 pub enum Rehearsed<'a> {
-    /// Maps.
+    /// Maps of all patches.
     Maps,
     /// Detections with these settings.
     Detections(&'a Cfar),

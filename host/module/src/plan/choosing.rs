@@ -27,7 +27,7 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
-/// What a module forms and sends.
+/// Product that a module is planned for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ModuleProduct {
@@ -48,7 +48,7 @@ pub struct Requirements {
     pub room: ModuleCapacity,
     /// Arithmetic of the module.
     pub arithmetic: Arithmetic,
-    /// What the module sends.
+    /// Product of the module.
     pub product: ModuleProduct,
 }
 

@@ -40,7 +40,7 @@ pub struct ModulePlan {
     pub gaps: Vec<usize>,
     /// Memory of the buffers for maps.
     pub ram: RamBudget,
-    /// What the plan is for.
+    /// Product that the plan is made for.
     pub product: ModuleProduct,
     /// Additional memory for an accumulated image in bytes; 0 for maps.
     pub image_bytes: u64,

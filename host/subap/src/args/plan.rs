@@ -84,7 +84,7 @@ pub(crate) struct PlanModule {
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
-    /// What the module sends, as for link
+    /// Product that the module sends, as for link
     #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
     pub(crate) send: Sent,
 

@@ -70,7 +70,7 @@ pub(super) enum Setting {
     Weights(usize),
     /// Send this patch.
     Patch(usize),
-    /// Send this chip.
+    /// Send the chip of this patch.
     Chip(usize),
     /// Send the settings of the detector.
     Detect,

@@ -31,7 +31,7 @@
 //!
 //! **Images.** A module that accumulates an image is asked after each run which sub-CPIs the image contains
 //! (`State::Listing`), and for the chips of all patches when no run is left (`State::Collecting`). After a failure of the line
-//! the image is still there: the module is not configured again, and the list says what is missing. After a restart of the
+//! the image is still there: the module is not configured again, and the list shows the missing sub-CPIs. After a restart of the
 //! module everything is sent again.
 //!
 //! **Error recovery.** After a line failure, silence, a restart of the module, or lack of progress: reconnect, greet, abort the

@@ -92,7 +92,7 @@ impl Work<'_> {
         let counts = &outcome.counts;
         if counts.maps_taken == 0 {
             refuse_failure(&outcome.ending)?;
-            bail!("no list was received: the line loses too many frames; nothing was written");
+            bail!("no list was received: the line loses too many frames; no file was written");
         }
         let mut located = sink.located;
         located.sort_by_key(|detection| (detection.sub_cpi, detection.patch));
@@ -144,7 +144,7 @@ impl Work<'_> {
     }
 }
 
-/// Table of the detections. Powers are those of the recording, of which the module got `scale` times as much.
+/// Table of the detections. Powers are divided by `scale`, the factor by which the module's pulses are stronger than the recording.
 fn csv(located: &[LocatedDetection], scale: f64) -> String {
     let mut text = format!(
         "# {TEXT_MARK} {}; position of a target at rest\n\

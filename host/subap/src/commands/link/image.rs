@@ -60,13 +60,13 @@ impl<'w> Work<'w> {
         if received.sub_cpis.is_empty() || received.chips.iter().any(Option::is_none) {
             refuse_failure(&outcome.ending)?;
             bail!(
-                "the image was not received: the line loses too many frames; nothing was written"
+                "the image was not received: the line loses too many frames; no file was written"
             );
         }
         if received.left_out > 0 {
             bail!(
-                "{} contributions to pixels lie outside the maps: the module was given other patches than planned; nothing \
-                 was written",
+                "{} contributions to pixels lie outside the maps: the module was given other patches than planned; no \
+                 file was written",
                 received.left_out
             );
         }
@@ -101,7 +101,7 @@ impl<'w> Work<'w> {
         let ratio_db = 10.0 * (difference.fold(0.0, power) / whole.fold(0.0, power)).log10();
         if ratio_db > ROUNDING_DB {
             bail!(
-                "the image differs by {ratio_db:.1} dB from that of the core on this computer, and nothing was written: is the \
+                "the image differs by {ratio_db:.1} dB from that of the core on this computer, and no file was written: is the \
                  firmware of this version?"
             );
         }

@@ -90,7 +90,7 @@ pub(super) fn report(
     }
 }
 
-/// Report a failed transfer of which nothing is left.
+/// Report a failed transfer without results.
 pub(super) fn refuse_failure(ending: &TransferEnd) -> anyhow::Result<()> {
     match ending {
         TransferEnd::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
