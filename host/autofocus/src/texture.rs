@@ -27,7 +27,7 @@ const FIRST_INTERVALS: usize = 1;
 const STEPS: usize = 40;
 const STILL: f64 = 1e-7;
 
-/// Accepted loss of a curve with fewer coefficients against the best one, standard errors. With one, one in six quadratic errors had needless coefficients.
+/// Accepted loss of a curve with fewer coefficients against the best one, standard errors. With one, one in four quadratic errors of points had needless coefficients.
 const STANDARD_ERRORS: f64 = 2.0;
 
 /// Required gain over no correction, standard errors.
