@@ -23,12 +23,13 @@ fn every_figure_is_within_its_budget() {
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
-/// A map without Keystone needs at most 1.5 times the instructions of its range transforms.
+/// A map without Keystone needs at most 1.6 times the instructions of its range transforms; with 128 points in fixed point, the
+/// transforms are 64 % of it.
 fn check_ratio(figures: &Figures, failures: &mut Vec<String>) {
     let ratio = figures.ratio();
-    if ratio.is_nan() || ratio > 1.5 {
+    if ratio.is_nan() || ratio > 1.6 {
         failures.push(format!(
-            "{}: a map without Keystone over its transforms is {ratio:.3}, budget 1.5",
+            "{}: a map without Keystone over its transforms is {ratio:.3}, budget 1.6",
             figures.name
         ));
     }
@@ -45,19 +46,19 @@ const BUDGETS: &[(&str, [u64; 4])] = &[
     ("flash_h743", [190_300, 178_900, 195_500, 178_900]),
     ("flash_an500", [182_000, 172_600, 188_200, 172_600]),
     // Instructions of a map.
-    ("begin", [8_360, 13_200, 16_300, 25_300]),
-    ("compensation", [110_000, 809_000, 1_230_000, 1_680_000]),
-    ("keystone", [369_000, 3_830_000, 10_400_000, 12_400_000]),
-    ("rows", [497_000, 4_920_000, 13_700_000, 16_000_000]),
-    ("ffts", [411_000, 4_240_000, 12_400_000, 14_600_000]),
-    ("map", [983_000, 9_580_000, 25_400_000, 30_000_000]),
+    ("begin", [8_150, 13_200, 15_900, 25_300]),
+    ("compensation", [107_000, 809_000, 1_210_000, 1_680_000]),
+    ("keystone", [222_500, 3_830_000, 5_850_000, 12_400_000]),
+    ("rows", [421_000, 4_920_000, 11_000_000, 16_000_000]),
+    ("ffts", [344_500, 4_240_000, 9_640_000, 14_600_000]),
+    ("map", [758_500, 9_580_000, 18_100_000, 30_000_000]),
     // Instructions of the other stages, and the longest step of each kind.
     ("nodes", [850, 1_440, 1_440, 2_560]),
     ("receive_pulses", [207_000, 4_036_000, 2_151_000, 9_225_000]),
     ("products", [4_930_000, 9_220_000, 14_700_000, 15_700_000]),
     ("send_map", [186_000, 4_840_000, 2_620_000, 8_830_000]),
-    ("column_worst", [8_100, 11_900, 28_200, 29_500]),
-    ("row_worst", [30_400, 112_000, 307_000, 234_000]),
+    ("column_worst", [5_610, 11_900, 17_300, 29_500]),
+    ("row_worst", [25_950, 112_000, 246_500, 234_000]),
     (
         "products_worst",
         [559_000, 7_740_000, 10_300_000, 14_200_000],
