@@ -41,7 +41,7 @@ const EXAMPLES: [(&str, &str); 34] = [
     ("run", "subap run job.toml"),
     (
         "link",
-        "subap link tcp://localhost:4000 scene.cphd -o scene.maps\nsubap focus --from-maps scene.maps --out image",
+        "subap link tcp://localhost:4000 scene.cphd --send image --out image\nsubap link tcp://localhost:4000 scene.cphd -o scene.maps\nsubap focus --from-maps scene.maps --out image",
     ),
     ("info", "subap info scene.cphd"),
     ("recording", "subap recording --keys"),
