@@ -49,6 +49,7 @@ place!(axi static PIXEL_SUMS: [Complex32; PIXELS] = [Complex32::ZERO; PIXELS]);
 #[cfg(feature = "size-large")]
 static PIXEL_SUMS: Placed<[Complex32; PIXELS]> = Placed::new([Complex32::ZERO; PIXELS]);
 place!(sram static MAP: Map = Map::new());
+place!(sram static CHIPS: [Chip; PATCHES] = [Chip::EMPTY; PATCHES]);
 // Used by every processing step: placed in the memory next to the core.
 static SCRATCH: Placed<Scratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>> =
     Placed::new(Scratch::new());
@@ -61,7 +62,6 @@ static ODOMETER: Placed<Odometer<TARGETS, CHANNELS, ODOMETER_FREQUENCIES, ODOMET
     Placed::new(Odometer::new());
 static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
     Placed::new(Profiler::new());
-static CHIPS: Placed<[Chip; PATCHES]> = Placed::new([Chip::EMPTY; PATCHES]);
 static ACCUMULATED: Placed<[u8; SUB_CPIS / 8]> = Placed::new([0; SUB_CPIS / 8]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
 

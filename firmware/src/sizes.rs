@@ -12,8 +12,8 @@
 //! in `size-small`, otherwise 32, 256 and 512.
 //!
 //! `size-large` fills the memory: two stores of 62 pulses, each with 512 samples of 8 bytes and 72 bytes of geometry, take
-//! 516 832 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes take 286 720 of the 294 912 bytes of SRAM1
-//! to 3. A run may use less than the capacity of each.
+//! 516 832 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes and 64 image chips take 292 352 of the 294 912
+//! bytes of SRAM1 to 3. A run may use less than the capacity of each.
 
 use subaperture_core::stream::BlockFloat;
 

@@ -214,7 +214,7 @@ pub fn render(all: &[Figures]) -> String {
             ("`nodes` of a sub-CPI", Kilo("nodes")),
             ("receiving the pulses of a sub-CPI", Kilo("receive_pulses")),
             (
-                "products of a map: 1024 pixels, detections",
+                "products of a map: 992 pixels, detections",
                 Kilo("products"),
             ),
             ("encoding a map", Kilo("send_map")),

@@ -14,7 +14,7 @@ pub(crate) struct Global {
     #[arg(long, global = true, hide_short_help = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
     pub(crate) threads: Option<usize>,
 
-    /// Memory limit of the process: bytes, or with K, M, G or T (powers of 1024); at least 24M and 1M per thread, of which 16M
+    /// Memory limit of the process: bytes, or with K, M, G or T (powers of 1024); at least 24M and 1M per thread; 16M
     /// and 1M per thread are the program's own [default: half of the machine's memory]
     #[arg(long, global = true, hide_short_help = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
     pub(crate) memory: Option<u64>,
