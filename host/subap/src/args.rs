@@ -265,7 +265,7 @@ pub(crate) struct Link {
     pub(crate) grid: Option<ImageGrid>,
 
     /// Bound on the relative RMS error of the image against the exact sum, in dB, -20 to -120
-    /// [default: -66]
+    /// [default: -66, for detections -40]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 

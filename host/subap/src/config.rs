@@ -12,7 +12,7 @@ use subaperture::io::open::{Options, open_all, open_sum};
 use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
 
-use crate::args::{self, Global};
+use crate::args::{self, Global, Sent};
 use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{interrupt, log, messages, text};
@@ -22,6 +22,17 @@ pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 
 /// Default error bound of maps, dB. It is lower than that of images because image formation from maps adds its own error.
 pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
+
+/// Default error bound of maps for detections, dB. Detection needs no phase across sub-CPIs.
+const DEFAULT_DETECTIONS_ERROR_DB: f64 = -40.0;
+
+/// Default error bound of an embedded module's maps for this product, dB.
+pub(crate) fn default_module_error_db(sent: Sent) -> f64 {
+    match sent {
+        Sent::Maps | Sent::Image => DEFAULT_MAPS_ERROR_DB,
+        Sent::Detections => DEFAULT_DETECTIONS_ERROR_DB,
+    }
+}
 
 /// Advice on a default grid that does not cover the whole scene.
 pub(crate) const OTHER_GRID: &str = "give --grid for another part or for all of it";

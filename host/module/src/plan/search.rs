@@ -86,6 +86,23 @@ impl Search<'_> {
         }
     }
 
+    /// Candidate patch sizes, largest first. Fewer patches than threads of the host serve detections best: up to the whole grid.
+    fn patch_sizes(&self) -> Vec<PatchSize> {
+        let whole = PatchSize {
+            rows: self.grid.rows.count,
+            columns: self.grid.columns.count,
+        };
+        let large: &[f64] = match self.product {
+            ModuleProduct::Detections => &[1.0, 1.4, 2.0, 2.8],
+            ModuleProduct::Maps | ModuleProduct::Image => &[],
+        };
+        let side_m = whole.side_m(self.grid);
+        let large = large
+            .iter()
+            .map(|parts| PatchSize::from_metres(self.grid, side_m / parts));
+        large.chain(patch_sizes(self.grid)).collect()
+    }
+
     /// Bytes of an accumulated image in addition to the buffers for maps.
     fn image_bytes(&self, patches: usize, sub_cpis: usize) -> u64 {
         match self.product {
@@ -139,7 +156,7 @@ impl Search<'_> {
         };
         let probe = self.probe();
         let num_pulses = self.collection.pulses.len();
-        let patches = patch_sizes(self.grid);
+        let patches = self.patch_sizes();
         let swept = sweep::residual(self.collection, self.grid);
         let mut candidates = Vec::new();
         let mut first_patch = 0;

@@ -80,7 +80,8 @@ pub(crate) struct PlanModule {
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
 
-    /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -66]
+    /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -66,
+    /// for detections -40]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 

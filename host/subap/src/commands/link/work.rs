@@ -21,7 +21,7 @@ use super::receiving::{Keep, Watching};
 use crate::ahead::Ahead;
 use crate::args::{Link, Sent};
 use crate::commands::plan::gaps;
-use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
+use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, default_module_error_db, record_of_run};
 use crate::{interrupt, messages};
 use subaperture::io::product::record::grid as grid_record;
 
@@ -34,7 +34,9 @@ pub(super) fn plan(
     identity: &Identity,
 ) -> anyhow::Result<ModulePlan> {
     let requirements = Requirements {
-        error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+        error_db: typed
+            .error_db
+            .unwrap_or(default_module_error_db(typed.send)),
         room: ModuleCapacity::Built(identity.capacity),
         arithmetic: match identity.arithmetic {
             wire::Arithmetic::Float => Arithmetic::Float,

@@ -10,7 +10,7 @@ use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::PlanModule;
-use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
+use crate::config::{Session, default_module_error_db};
 use crate::text::{self, Fact, bytes, metres};
 
 /// Print the plan of the embedded module.
@@ -23,7 +23,9 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         None => session.default_grid(&survey)?,
     };
     let requirements = Requirements {
-        error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+        error_db: typed
+            .error_db
+            .unwrap_or(default_module_error_db(typed.send)),
         room: ModuleCapacity::Ram { bytes: typed.ram },
         arithmetic: if typed.fixed {
             Arithmetic::Fixed
