@@ -12,9 +12,6 @@
 //! is not focused, but its total power is known from that of the history: those cells count as clutter of one power,
 //! so that power that leaves the tiles does not increase `J`. `J` averages over several sizes of neighbourhoods: single
 //! cells respond to points, wide ones to texture. The gradient is analytic: two transforms per row.
-//!
-//! Profiles are sampled at half cells (zero padding to twice the number of pulses). At whole cells the side lobes of a point depend on its
-//! distance from a sample, and `J` on the slope of the phases, which only shifts the scene.
 
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -25,11 +22,8 @@ use subaperture_signal::phase::cis;
 
 use super::split::Half;
 
-/// Samples of the cross-range profile per cell.
-const OVERSAMPLING: usize = 2;
-
-/// Neighbourhoods: cross-range samples and range cells on either side.
-const NEIGHBOURS: [(usize, usize); 2] = [(2, 0), (4, 1)];
+/// Neighbourhoods: cross-range cells and range cells on either side.
+const NEIGHBOURS: [(usize, usize); 2] = [(1, 0), (2, 1)];
 
 /// Fraction of the mean power added to each cell: differences below it do not count, as such cells contain noise and side lobes.
 const FLOOR: f64 = 0.1;
@@ -53,14 +47,14 @@ pub(crate) struct TileRow {
 pub(crate) struct Texture<'a> {
     rows: Vec<&'a TileRow>,
     length: usize,
-    /// Number of samples of the profile within a tile.
+    /// Number of transform cells within a tile.
     cells: usize,
 }
 
 impl<'a> Texture<'a> {
     /// Likelihood of these rows, ordered by strip and range cell; tiles are `cells` cross-range cells wide.
     pub(crate) fn new(rows: Vec<&'a TileRow>, turns: usize, cells: f64) -> Self {
-        let length = fast_length(OVERSAMPLING * turns);
+        let length = fast_length(turns);
         let cells = (cells * length as f64 / turns as f64).round() as usize;
         Self {
             rows,

@@ -3,8 +3,7 @@
 //! By default ([`Estimator::Likelihood`]) the histories of all range cells are used, cut into tiles (`tiles.rs`): the phases maximise the likelihood of
 //! their cross-range profiles (`texture.rs`), of points as of clutter. Residual errors, compared with a textbook PGA
 //! (Wahl, Eichel, Ghiglia and Jakowatz 1994) on scenes of points, K-distributed texture and speckle, with 3 rad rms of quadratic, polynomial,
-//! sinusoidal and random-walk errors (`tests/images/table.rs`): 0.02 to 0.08 rad rms over eight seeds, of the textbook PGA 0.17 to 1.2 rad. Of all
-//! other methods only map drift is as accurate, on quadratic errors of points and texture (0.02 rad). One round suffices.
+//! sinusoidal and random-walk errors (`tests/images/table.rs`): 0.02 to 0.1 rad rms, of the textbook PGA 0.1 to 1.3 rad. One round suffices.
 //!
 //! Only bright points are used where the geometry leaves too few cells to a tile (wide angles, near range), and by [`Estimator::Eigenvector`] and
 //! [`Estimator::Gradient`].
@@ -30,7 +29,7 @@
 //!
 //! Cost of a round: one image, plus points times samples. Measured accuracy (`tests/images`): white errors of 2 rad rms are removed to
 //! within 0.02 dB of a point's peak on 40 simulated points. Added to two degrees of the GOTCHA recording, they leave its brightest reflector
-//! 0.04 dB above that of the original recording, which has phase errors itself. With the gradient it remains 1 dB below: with many points of
+//! 0.1 dB above that of the original recording, which has phase errors itself. With the gradient it remains 1 dB below: with many points of
 //! low signal-to-noise ratio, the errors of steps accumulate.
 
 use glam::DVec3;
@@ -149,8 +148,8 @@ impl PhaseGradient {
         let channels = collection.pulses.len() / turns;
         let most = (MAX_VALUES / (turns * channels)).max(MIN_TILES);
         tiling.keep(most);
-        // Complex: a row, and at two samples per cell its profile and the gradient of that. Real, as many: powers, means and their slopes.
-        let bytes = |tiles: usize| (22 * 8 * tiles * turns * channels) as u64;
+        // Complex: a row, its profile and the gradient of its cells. Real: powers, means and their slopes.
+        let bytes = |tiles: usize| (12 * 8 * tiles * turns * channels) as u64;
         while tiling.tiles.len() > MIN_TILES
             && look.room("tiles", bytes(tiling.tiles.len())).is_err()
         {

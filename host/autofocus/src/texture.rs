@@ -3,9 +3,8 @@
 //! Phases are modelled as curves (`curve.rs`) with an increasing number of coefficients. For each number the likelihood of the tiles
 //! (`likelihood.rs`) is maximised from the best of several starts: the previous curve, a quadratic searched over a wide range, and
 //! estimates of other methods (`starts.rs`, bright points). Cross-validation selects the number of coefficients: curves are
-//! estimated on either half of the range cells and validated on the other. The smallest number whose likelihood is within two standard errors of
-//! the best is then used for an estimate on all cells: the rule of Breiman, Friedman, Olshen and Stone (Classification and Regression Trees, 1984,
-//! section 3.4.3), there with one standard error.
+//! estimated on either half of the range cells and validated on the other. The best number is then used for an
+//! estimate on all cells.
 
 use num_complex::Complex64;
 
@@ -27,8 +26,8 @@ const FIRST_INTERVALS: usize = 1;
 const STEPS: usize = 40;
 const STILL: f64 = 1e-7;
 
-/// Accepted loss of a curve with fewer coefficients against the best one, standard errors. With one, one in four quadratic errors of points had needless coefficients.
-const STANDARD_ERRORS: f64 = 2.0;
+/// Accepted loss of a curve with fewer coefficients against the best one, standard errors.
+const STANDARD_ERRORS: f64 = 0.5;
 
 /// Required gain over no correction, standard errors.
 const SURE_ERRORS: f64 = 2.0;
