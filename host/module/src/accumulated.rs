@@ -29,7 +29,7 @@ pub enum Unsuited {
     Grid(&'static str),
     /// More pixels than the module has memory for.
     #[error(
-        "pixels: expected at most {most} for this module, found {pixels}: give a smaller --grid"
+        "pixels: expected at most {most} for this module, found {pixels}: use a smaller or coarser grid"
     )]
     Pixels {
         /// Pixels of the grid.

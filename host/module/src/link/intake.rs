@@ -3,32 +3,12 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
 
-use subaperture_core::link::{
-    AssembledMap, ChipAssembly, Encoding, MapAssembly, Report, row_bytes,
-};
+use subaperture_core::link::{ChipAssembly, Encoding, MapAssembly, Report, row_bytes};
 
 use super::counts::Counts;
-use super::ending::{LinkError, SinkError};
+use super::ending::LinkError;
 use super::job::Wanted;
 use super::products::{DetectionAssembly, Products};
-
-/// Receiver of complete maps.
-pub trait MapSink {
-    /// Accept a complete, requested map. Every map is passed once, in any order.
-    ///
-    /// # Errors
-    /// An error ends the transfer.
-    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError>;
-}
-
-/// Sink that discards maps, for a conversation that only identifies the module.
-pub(super) struct DiscardMaps;
-
-impl MapSink for DiscardMaps {
-    fn accept(&mut self, _: &AssembledMap<'_>) -> Result<(), SinkError> {
-        Ok(())
-    }
-}
 
 /// Reassembles products and passes the requested ones to their receiver, once each.
 ///

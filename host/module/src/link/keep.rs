@@ -5,7 +5,7 @@ use subaperture_core::link::{AssembledMap, Encoding, complex32s, sc16s};
 use subaperture_core::stream::BlockFloat;
 
 use super::ending::SinkError;
-use super::intake::MapSink;
+use super::products::MapSink;
 use crate::maps::{OwnedMap, OwnedSamples};
 use crate::maps_file::MapWriter;
 

@@ -2,10 +2,9 @@
 
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Detection};
-use subaperture_core::link::{AssembledChip, ChipGrid, Report, detections};
+use subaperture_core::link::{AssembledChip, AssembledMap, ChipGrid, Report, detections};
 
 use super::ending::SinkError;
-use super::intake::MapSink;
 
 /// Requested products of a job, with the receiver of each.
 pub(super) enum Products<'c> {
@@ -22,6 +21,24 @@ impl Products<'_> {
             Self::Detections(cfar, sink) => Products::Detections(*cfar, &mut **sink),
             Self::Image(grids, image) => Products::Image(grids, image),
         }
+    }
+}
+
+/// Receiver of complete maps.
+pub trait MapSink {
+    /// Accept a complete, requested map. Every map is passed once, in any order.
+    ///
+    /// # Errors
+    /// An error ends the transfer.
+    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError>;
+}
+
+/// Sink that discards maps, for a conversation that only identifies the module.
+pub(super) struct DiscardMaps;
+
+impl MapSink for DiscardMaps {
+    fn accept(&mut self, _: &AssembledMap<'_>) -> Result<(), SinkError> {
+        Ok(())
     }
 }
 

@@ -15,9 +15,8 @@ use subaperture_core::cfar::{Cfar, Detection};
 use subaperture_core::link::{AssembledMap, ChipGrid};
 
 use super::ending::{LinkError, SinkError, TransferEnd};
-use super::intake::MapSink;
 use super::job::{Job, PulseSource};
-use super::products::DetectionSink;
+use super::products::{DetectionSink, MapSink};
 use super::session::{Session, SessionObserver};
 use subaperture_focus::forecast::Forecast;
 use subaperture_model::phase_history::{PhaseHistory, PulseRange};

@@ -18,10 +18,10 @@ use super::conversation::{Conversation, Event, JobSettings, Ledger, Step, TICK};
 use super::counts::{Counts, growth};
 use super::ending::{LinkError, Outcome, TransferEnd};
 use super::identity::{Identity, printable};
-use super::intake::{DiscardMaps, Intake, MapSink};
+use super::intake::Intake;
 use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MAX_SAMPLES};
-use super::products::{AccumulatedImage, DetectionSink, Products};
+use super::products::{AccumulatedImage, DetectionSink, DiscardMaps, MapSink, Products};
 use super::settings::Settings;
 use super::transport::Transport;
 

@@ -17,8 +17,8 @@ use subaperture_core::stream::{
 use subaperture_core::{Pulse, Sc16};
 
 use super::ending::SinkError;
-use super::intake::MapSink;
 use super::job::Job;
+use super::products::MapSink;
 use crate::maps::{Arithmetic, OwnedMap};
 use crate::plan::least_capacity;
 use subaperture_model::phase_history::ReadError;

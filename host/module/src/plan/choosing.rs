@@ -17,7 +17,7 @@
 //!
 //! Neglected: rounding of the fixed-point path, which is not part of this prediction.
 
-use super::module_plan::{ModuleCapacity, ModulePlan};
+use super::module_plan::{ModuleCapacity, ModulePlan, ModuleProduct};
 use super::search::{Candidate, LONGEST_RANGE, Search};
 use crate::image::kernels::Kernels;
 use crate::maps::Arithmetic;
@@ -26,18 +26,6 @@ use subaperture_focus::{FormError, MARGIN_DB, sweep};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
-
-/// Product that a module is planned for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ModuleProduct {
-    /// Maps of all patches and sub-CPIs, from which the host forms the image.
-    Maps,
-    /// Targets detected on the maps.
-    Detections,
-    /// An image that the module accumulates from its maps.
-    Image,
-}
 
 /// Requirements for a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,8 +11,8 @@ mod ram;
 mod reach;
 mod search;
 
-pub use choosing::{ModuleProduct, PlanError, Requirements};
+pub use choosing::{PlanError, Requirements};
 pub use link::{LinkBudget, ProductLoad};
-pub use module_plan::{ModuleCapacity, ModulePlan};
+pub use module_plan::{ModuleCapacity, ModulePlan, ModuleProduct};
 pub(crate) use ram::least_capacity;
 pub use ram::{Buffer, RamBudget, image_bytes};

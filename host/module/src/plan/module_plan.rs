@@ -2,7 +2,7 @@
 
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
-use super::{LinkBudget, ModuleProduct, RamBudget};
+use super::{LinkBudget, RamBudget};
 use crate::maps::Arithmetic;
 use subaperture_focus::patch::PatchSize;
 
@@ -16,6 +16,18 @@ pub enum ModuleCapacity {
     },
     /// Buffers with fixed sizes.
     Built(Capacity),
+}
+
+/// Product that a module is planned for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ModuleProduct {
+    /// Maps of all patches and sub-CPIs, from which the host forms the image.
+    Maps,
+    /// Targets detected on the maps.
+    Detections,
+    /// An image that the module accumulates from its maps.
+    Image,
 }
 
 /// Work plan of a module.

@@ -3,8 +3,7 @@
 use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
-use super::choosing::ModuleProduct;
-use super::module_plan::{ModuleCapacity, ModulePlan};
+use super::module_plan::{ModuleCapacity, ModulePlan, ModuleProduct};
 use super::ram::{RamBudget, image_bytes, least_capacity};
 use super::reach::Reach;
 use crate::image::kernels::{Kernels, bands};

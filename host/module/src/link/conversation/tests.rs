@@ -4,9 +4,8 @@ use subaperture_core::link::Status;
 
 use super::*;
 use crate::link::counts::Counts;
-use crate::link::intake::DiscardMaps;
 use crate::link::job::Wanted;
-use crate::link::products::Products;
+use crate::link::products::{DiscardMaps, Products};
 use crate::link::settings::Settings;
 use subaperture_core::link::{Arithmetic, ImageCapacity, LinkCounters, Report};
 use subaperture_core::stream::{Capacity, PulseCounters};
