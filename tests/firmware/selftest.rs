@@ -82,7 +82,7 @@ fn sweep_size_on_target() -> u64 {
     stated + setup + blocks + rest
 }
 
-/// Buffers by arithmetic.
+/// Sizes of the buffers, added up.
 fn size_on_target() -> u64 {
     let (m, f, r, d, l) = (32, 64, 128, 64, 128);
     let weights = 4 * (m + f);
