@@ -395,7 +395,9 @@ mod tests {
             let value = arg.get_value_names().map_or("", |names| names[0].as_str());
             match value {
                 "DIR" => assert_eq!(hint, ValueHint::DirPath, "{name}"),
-                "IMAGE" | "OTHER" | "A" | "B" => assert_eq!(hint, ValueHint::AnyPath, "{name}"),
+                "IMAGE" | "OTHER" | "A" | "B" | "PATH" => {
+                    assert_eq!(hint, ValueHint::AnyPath, "{name}")
+                }
                 _ => assert_eq!(hint, ValueHint::FilePath, "{name}"),
             }
         }
