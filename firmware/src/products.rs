@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use subaperture_core::Complex32;
-use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
+use subaperture_core::accumulate::{ChipKernel, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
 use subaperture_core::link::{
     CHIP_PART_PIXELS, ChipGrid, Encoding, ImageCapacity, MAX_ACCUMULATED_BYTES, Refusal,
@@ -262,18 +262,7 @@ impl<'a> Products<'a> {
         let chips = self.buffers.chips.get_mut(..self.num_chips)?;
         let chip = chips.get_mut(usize::from(map.header.patch_index))?;
         let pixels = self.buffers.pixels.get_mut(chip.row_pixels(row)?)?;
-        let grid = &chip.grid;
-        let mut origin_m = grid.origin_m;
-        for (place, step) in origin_m.iter_mut().zip(grid.row_step_m) {
-            *place += f64::from(row) * step;
-        }
-        let line = PixelGrid {
-            origin_m,
-            column_step_m: grid.column_step_m,
-            row_step_m: [0.0; 3],
-            num_columns: pixels.len(),
-            num_rows: 1,
-        };
+        let line = chip.grid.row(row);
         // The map is normalised by its number of pulses; the chip will be by the sum of all weights.
         let weight = f32::from(map.header.num_pulses);
         // Cannot fail: the pixels have the length of the row.

@@ -7,7 +7,7 @@ use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::module::link::{AccumulatedImage, Job, MapSink, PulseSource, SinkError};
 use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
-use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
+use subaperture_core::accumulate::{ChipKernel, add_patch_map};
 use subaperture_core::link::{AssembledMap, ChipGrid, Encoding};
 use subaperture_core::stream::{FloatBuffers, MapHeader, MapSamples, PatchMap, Progress};
 
@@ -70,21 +70,9 @@ pub fn judge_image(image: &AccumulatedImage) {
                 samples: MapSamples::Float(values),
             };
             let weight = f32::from(header.num_pulses);
-            // Row by row, as the module adds them: the position of a row is rounded once.
-            let width = usize::from(grid.num_columns);
-            for (row, line) in pixels.chunks_mut(width).enumerate() {
-                let mut origin_m = grid.origin_m;
-                for (place, step) in origin_m.iter_mut().zip(grid.row_step_m) {
-                    *place += row as f64 * step;
-                }
-                let grid = PixelGrid {
-                    origin_m,
-                    column_step_m: grid.column_step_m,
-                    row_step_m: [0.0; 3],
-                    num_columns: width,
-                    num_rows: 1,
-                };
-                add_patch_map(line, &grid, &scene.setup, &map, &kernel, weight).unwrap();
+            for (row, line) in (0..).zip(pixels.chunks_mut(grid.num_columns.into())) {
+                let row = grid.row(row);
+                add_patch_map(line, &row, &scene.setup, &map, &kernel, weight).unwrap();
             }
             weight_sum += header.weight_sum;
         }

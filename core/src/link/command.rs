@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Message;
 use crate::Pulse;
+use crate::accumulate::PixelGrid;
 use crate::cfar::Cfar;
 use crate::stream::{Patch, Setup};
 use crate::{motion, sweep};
@@ -202,5 +203,16 @@ impl ChipGrid {
     /// Number of pixels, columns times rows.
     pub fn num_pixels(&self) -> usize {
         usize::from(self.num_columns).saturating_mul(self.num_rows.into())
+    }
+
+    /// Pixel grid of one row. A module adds maps row by row, so the position of each row is rounded once.
+    pub fn row(&self, row: u16) -> PixelGrid {
+        PixelGrid {
+            origin_m: [0, 1, 2].map(|i| self.origin_m[i] + f64::from(row) * self.row_step_m[i]),
+            column_step_m: self.column_step_m,
+            row_step_m: [0.0; 3],
+            num_columns: self.num_columns.into(),
+            num_rows: 1,
+        }
     }
 }

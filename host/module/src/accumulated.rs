@@ -8,7 +8,7 @@
 //! `tests/firmware/image.rs`.
 
 use num_complex::Complex32;
-use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
+use subaperture_core::accumulate::{ChipKernel, add_patch_map};
 use subaperture_core::link::{CHIP_PART_PIXELS, ChipGrid, Row, write_pixels};
 
 use crate::link::{AccumulatedImage, HostCore};
@@ -133,19 +133,9 @@ pub fn by_host_core(
                 image.weight_sum += map.header.weight_sum;
             }
             let width = usize::from(grid.num_columns);
-            for (row, line) in pixels.chunks_mut(width).enumerate() {
-                // As the module does, one row at a time.
-                let line_grid = PixelGrid {
-                    origin_m: std::array::from_fn(|i| {
-                        grid.origin_m[i] + row as f64 * grid.row_step_m[i]
-                    }),
-                    column_step_m: grid.column_step_m,
-                    row_step_m: [0.0; 3],
-                    num_columns: width,
-                    num_rows: 1,
-                };
+            for (row, line) in (0..).zip(pixels.chunks_mut(width)) {
                 let weight = f32::from(map.header.num_pulses);
-                let inside = add_patch_map(line, &line_grid, &setup, &map, &kernel, weight)
+                let inside = add_patch_map(line, &grid.row(row), &setup, &map, &kernel, weight)
                     .expect("the line has the length of its grid");
                 image.left_out += (width - inside) as u64;
             }
