@@ -241,6 +241,15 @@ fn plan_states_patches_that_fit_the_module() {
     );
     assert_eq!(fixed["keeps_up"], true);
 
+    assert_eq!(float["recommended"], "image");
+    // A module accumulates no image on a polar grid.
+    let polar = "plan module --ram 512K --grid r=2:20:1,theta=0:90:3 a.cphd";
+    let ran = run(folder.path(), &format!("{polar} --json"));
+    let maps: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert_eq!(maps["recommended"], "maps");
+    let ran = run(folder.path(), &format!("{polar} --send image"));
+    ran.failed(1, &["flat Cartesian grid", "a polar grid"]);
+
     let least = run(
         folder.path(),
         &format!("plan module --ram 2K {grid} a.cphd"),

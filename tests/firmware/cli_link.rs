@@ -56,6 +56,36 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             vec!["--firmware", "tcp://host:1"],
         ),
         (
+            "link emulate a.cphd -o image --send image --picture a.png",
+            2,
+            vec!["--picture", "expected --send maps, found --send image"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send detections --picture a.png",
+            2,
+            vec!["--picture", "found --send detections"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send detections --verify",
+            2,
+            vec!["--verify", "maps or image", "found --send detections"],
+        ),
+        (
+            "link emulate a.cphd -o a.maps --false-alarms 1e-6",
+            2,
+            vec!["--false-alarms", "detections, found --send maps"],
+        ),
+        (
+            "link emulate a.cphd -o image --send image --false-alarms 1e-4",
+            2,
+            vec!["--false-alarms", "found --send image"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send detections --false-alarms 2",
+            2,
+            vec!["--false-alarms"],
+        ),
+        (
             "link emulate a.cphd -o a.maps --error-db 3",
             2,
             vec!["--error-db"],
@@ -198,7 +228,7 @@ fn ctrl_c_keeps_the_maps_so_far() {
     // Well before the session would end, even on a busy machine.
     assert!(start.elapsed() < Duration::from_secs(6));
     ran.stderr = said;
-    ran.failed(130, &["interrupted", "maps received so far are in a.maps"]);
+    ran.failed(130, &["interrupted", "maps are in a.maps"]);
     let mut after = listing(folder.path());
     assert!(after.remove(&folder.path().join("a.maps")).is_some());
     assert_eq!(after, before);

@@ -1,7 +1,7 @@
 //! Memory of the stream equals that in its documentation and in the plan of a module.
 
 use subaperture::module::maps::Arithmetic;
-use subaperture::module::plan::RamBudget;
+use subaperture::module::plan::{RamBudget, image_bytes};
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::{
@@ -9,6 +9,7 @@ use subaperture_core::stream::{
     PulseStores,
 };
 use subaperture_core::{Complex32, Sc16};
+use subaperture_firmware::products::Chip;
 
 #[test]
 fn buffers_have_documented_sizes() {
@@ -42,6 +43,13 @@ fn buffers_have_documented_sizes() {
         FixedBuffers::<30, 424, 1024, 41, 15, 16>::BYTES,
         106_080 + 70_576 + 11_840
     );
+}
+
+#[test]
+fn image_memory_of_plan_matches_firmware_buffers() {
+    // Pixels, chips, and a bit per sub-CPI.
+    let buffers = size_of::<[Complex32; 1000]>() + size_of::<[Chip; 4]>() + size_of::<[u8; 2]>();
+    assert_eq!(image_bytes(1000, 4, 9), buffers as u64);
 }
 
 /// Statics of the firmware's application with these sizes, in float and in fixed point, and of its detector.

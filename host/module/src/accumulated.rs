@@ -5,7 +5,7 @@
 //! chapter 3), and sends each chip once. The bytes from the module are those of the pixels, however many pulses there are.
 //!
 //! **Error**: that of the plan for [`ModuleProduct::Image`](crate::plan::ModuleProduct::Image). **Tests**: `tests/link/image.rs`,
-//! `tests/firmware/image.rs`.
+//! `tests/firmware/gotcha.rs`.
 
 use num_complex::Complex32;
 use subaperture_core::accumulate::{ChipKernel, add_patch_map};
@@ -18,15 +18,10 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_model::phase_history::ReadError;
 
-/// Reason why a module cannot accumulate an image.
+/// Reason why the image of a plan exceeds the capacity of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unsuited {
-    /// Polar grid or pixels on a surface.
-    #[error(
-        "grid: expected a flat Cartesian grid, found {0}: let the module send maps, and form the image of them"
-    )]
-    Grid(&'static str),
     /// More pixels than the module has memory for.
     #[error(
         "pixels: expected at most {most} for this module, found {pixels}: use a smaller or coarser grid"
@@ -47,18 +42,6 @@ pub enum Unsuited {
         /// Sub-CPIs that the module counts.
         most: u32,
     },
-}
-
-/// Check that a module can accumulate pixels of this grid.
-///
-/// # Errors
-/// [`Unsuited::Grid`] otherwise.
-pub fn check_grid(grid: &ImageGrid) -> Result<(), Unsuited> {
-    match (grid.polar, &grid.relief) {
-        (true, _) => Err(Unsuited::Grid("a polar grid")),
-        (false, Some(_)) => Err(Unsuited::Grid("pixels on a surface")),
-        (false, None) => Ok(()),
-    }
 }
 
 /// Chips of the patches of a plan, in their order.

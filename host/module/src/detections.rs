@@ -11,6 +11,8 @@
 //! two coordinates in the grid's plane, solved by Newton's method from the patch centre. A moving target lies at another
 //! position of the same path, since its own path rate adds to that of the radar.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use subaperture_core::cfar::Detection;
 
@@ -52,6 +54,7 @@ pub struct LocatedDetection {
 pub struct Locator<'a> {
     collection: &'a Collection,
     plan: &'a ModulePlan,
+    sub_cpis: Vec<Range<usize>>,
     axes: [DVec3; 2],
 }
 
@@ -61,47 +64,44 @@ impl<'a> Locator<'a> {
         Self {
             collection,
             plan,
+            sub_cpis: sub_cpi::cut(collection.pulses.len(), &[], plan.setup.num_pulses.into()),
             axes: [grid.x_axis, grid.y_axis],
         }
     }
 
-    /// Locate a detection. `None` if the plan has no such map.
-    pub fn locate(
-        &self,
-        sub_cpi: u32,
-        patch: u16,
-        detection: &Detection,
-    ) -> Option<LocatedDetection> {
+    /// Locate the detections on a map. Empty if the plan has no such map.
+    pub fn locate(&self, sub_cpi: u32, patch: u16, list: &[Detection]) -> Vec<LocatedDetection> {
         let setup = &self.plan.setup;
-        let length = usize::from(setup.num_pulses).max(1);
-        let pulses = sub_cpi::cut(self.collection.pulses.len(), &[], length)
-            .get(sub_cpi as usize)?
-            .clone();
-        let track = &self.collection.pulses[pulses.clone()];
-        let centre_m = DVec3::from(self.plan.patches.get(usize::from(patch))?.centre_m);
-        let [first_s, last_s] = [track[0].time_s, track[track.len() - 1].time_s];
-        let sub_cpi_track = SubCpi::new(self.collection, pulses);
-        // Paths relative to a path of zero.
-        let [(centre_path_m, centre_rate_m), wanted] = [
-            sub_cpi_track.path_and_rate(centre_m),
-            (
-                f64::from(detection.range_bin) * SPEED_OF_LIGHT_M_S
-                    / (f64::from(setup.range_length) * setup.step_hz),
-                -f64::from(detection.doppler_bin) * SPEED_OF_LIGHT_M_S
-                    / (f64::from(setup.doppler_length) * setup.centre_hz()),
-            ),
-        ];
-        let interval_s = (last_s - first_s) / (track.len().max(2) - 1) as f64;
+        let pulses = self.sub_cpis.get(sub_cpi as usize);
+        let (Some(pulses), Some(place)) = (pulses, self.plan.patches.get(usize::from(patch)))
+        else {
+            return Vec::new();
+        };
+        let times = &self.collection.pulses[pulses.clone()];
+        let [first_s, last_s] = [times[0].time_s, times[times.len() - 1].time_s];
+        let interval_s = (last_s - first_s) / (times.len().max(2) - 1) as f64;
         let timed = self.collection.timed && interval_s > 0.0;
-        Some(LocatedDetection {
-            sub_cpi,
-            patch,
-            time_s: (first_s + last_s) / 2.0,
-            detection: *detection,
-            path_m: centre_path_m + wanted.0,
-            path_rate_m_s: timed.then(|| (centre_rate_m + wanted.1) / interval_s),
-            position_m: self.position(&sub_cpi_track, centre_m, wanted),
-        })
+        let track = SubCpi::new(self.collection, pulses.clone());
+        let centre_m = DVec3::from(place.centre_m);
+        let (centre_path_m, centre_rate_m) = track.path_and_rate(centre_m);
+        let range_m = SPEED_OF_LIGHT_M_S / (f64::from(setup.range_length) * setup.step_hz);
+        let rate_m = SPEED_OF_LIGHT_M_S / (f64::from(setup.doppler_length) * setup.centre_hz());
+        let located = list.iter().map(|detection| {
+            let wanted = (
+                f64::from(detection.range_bin) * range_m,
+                -f64::from(detection.doppler_bin) * rate_m,
+            );
+            LocatedDetection {
+                sub_cpi,
+                patch,
+                time_s: (first_s + last_s) / 2.0,
+                detection: *detection,
+                path_m: centre_path_m + wanted.0,
+                path_rate_m_s: timed.then(|| (centre_rate_m + wanted.1) / interval_s),
+                position_m: self.position(&track, centre_m, wanted),
+            }
+        });
+        located.collect()
     }
 
     /// Point of the grid's plane through `centre_m` with this path and path rate relative to it.

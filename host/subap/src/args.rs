@@ -256,9 +256,9 @@ pub(crate) struct Link {
     #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
     pub(crate) send: Sent,
 
-    /// Probability of a false alarm per map cell, for --send detections
-    #[arg(long, value_name = "P", default_value_t = 1e-6, value_parser = probability)]
-    pub(crate) false_alarms: f64,
+    /// Probability of a false alarm per map cell, only with --send detections [default: 1e-6]
+    #[arg(long, value_name = "P", value_parser = probability)]
+    pub(crate) false_alarms: Option<f64>,
 
     /// Pixels covered by the maps, as for focus [default: the scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
@@ -285,7 +285,8 @@ pub(crate) struct Link {
     #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "rate")]
     pub(crate) retries: u32,
 
-    /// Compare every map or the image bit by bit with that of the same core on this machine, and fail if it differs
+    /// Compare every map or the image bit by bit with that of the same core on this machine, and fail if it differs;
+    /// not with --send detections
     #[arg(long)]
     pub(crate) verify: bool,
 

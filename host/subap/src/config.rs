@@ -21,17 +21,17 @@ use crate::{interrupt, log, messages, text};
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 
 /// Default error bound of maps, dB. It is lower than that of images because image formation from maps adds its own error.
-pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
+const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 
 /// Default error bound of maps for detections, dB. Detection needs no phase across sub-CPIs.
 const DEFAULT_DETECTIONS_ERROR_DB: f64 = -40.0;
 
-/// Default error bound of an embedded module's maps for this product, dB.
-pub(crate) fn default_module_error_db(sent: Sent) -> f64 {
-    match sent {
+/// Error bound of an embedded module's maps for this product, dB: `given`, or the default.
+pub(crate) fn module_error_db(given: Option<f64>, sent: Sent) -> f64 {
+    given.unwrap_or(match sent {
         Sent::Maps | Sent::Image => DEFAULT_MAPS_ERROR_DB,
         Sent::Detections => DEFAULT_DETECTIONS_ERROR_DB,
-    }
+    })
 }
 
 /// Advice on a default grid that does not cover the whole scene.
@@ -168,6 +168,15 @@ impl Session {
             silent: true,
             ..*self
         }
+    }
+
+    /// `given`, or the default grid of a collection.
+    pub(crate) fn grid(
+        &self,
+        given: Option<&ImageGrid>,
+        survey: &Survey,
+    ) -> anyhow::Result<ImageGrid> {
+        given.map_or_else(|| self.default_grid(survey), |grid| Ok(grid.clone()))
     }
 
     /// Default grid of a collection; notes the parts left out and which ambiguities it contains.

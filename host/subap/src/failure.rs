@@ -33,13 +33,10 @@ pub(crate) struct Interrupted;
 #[error("interrupted; finished work is kept in {0}, and the same command continues from there")]
 pub(crate) struct InterruptedJob(pub(crate) String);
 
-/// [`Interrupted`], with the maps received so far in their file.
+/// [`Interrupted`], with the products received so far kept: "3 maps are in a.maps".
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; the {maps} maps received so far are in {path}")]
-pub(crate) struct InterruptedWithMaps {
-    pub(crate) maps: u64,
-    pub(crate) path: String,
-}
+#[error("interrupted; {0}")]
+pub(crate) struct InterruptedLink(pub(crate) String);
 
 /// [`Interrupted`], with the sweeps captured so far kept in their recording.
 #[derive(Debug, thiserror::Error)]
@@ -114,7 +111,7 @@ fn reported(done: anyhow::Result<()>) -> (u8, Option<String>) {
         return (DONE, None);
     }
     if error.is::<InterruptedJob>()
-        || error.is::<InterruptedWithMaps>()
+        || error.is::<InterruptedLink>()
         || error.is::<InterruptedWithSteps>()
     {
         let text = error.to_string();

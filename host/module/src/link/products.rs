@@ -6,6 +6,17 @@ use subaperture_core::link::{AssembledChip, AssembledMap, ChipGrid, Report, dete
 
 use super::ending::SinkError;
 
+/// Product requested from a module.
+#[derive(Clone, Copy, Debug)]
+pub enum Request<'a> {
+    /// Maps of all patches.
+    Maps,
+    /// Detections on the maps with these settings.
+    Detections(Cfar),
+    /// An image of one chip per patch, in the order of the patches.
+    Image(&'a [ChipGrid]),
+}
+
 /// Requested products of a job, with the receiver of each.
 pub(super) enum Products<'c> {
     Maps(&'c mut dyn MapSink),
@@ -13,7 +24,16 @@ pub(super) enum Products<'c> {
     Image(&'c [ChipGrid], &'c mut AccumulatedImage),
 }
 
-impl Products<'_> {
+impl<'c> Products<'c> {
+    /// Request for these products.
+    pub(super) fn request(&self) -> Request<'c> {
+        match self {
+            Self::Maps(_) => Request::Maps,
+            Self::Detections(cfar, _) => Request::Detections(*cfar),
+            Self::Image(grids, _) => Request::Image(grids),
+        }
+    }
+
     /// The same products with a shorter lifetime.
     pub(super) fn by_ref(&mut self) -> Products<'_> {
         match self {

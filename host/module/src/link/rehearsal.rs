@@ -11,12 +11,12 @@
 
 use std::time::{Duration, Instant};
 
-use subaperture_core::cfar::{Cfar, Detection};
-use subaperture_core::link::{AssembledMap, ChipGrid};
+use subaperture_core::cfar::Detection;
+use subaperture_core::link::AssembledMap;
 
 use super::ending::{LinkError, SinkError, TransferEnd};
 use super::job::{Job, PulseSource};
-use super::products::{DetectionSink, MapSink};
+use super::products::{DetectionSink, MapSink, Request};
 use super::session::{Session, SessionObserver};
 use subaperture_focus::forecast::Forecast;
 use subaperture_model::phase_history::{PhaseHistory, PulseRange};
@@ -48,17 +48,6 @@ impl DetectionSink for Clock {
     }
 }
 
-/// Product of a rehearsed job.
-#[derive(Clone, Copy, Debug)]
-pub enum Rehearsed<'a> {
-    /// Maps of all patches.
-    Maps,
-    /// Detections with these settings.
-    Detections(&'a Cfar),
-    /// An image of these chips.
-    Image(&'a [ChipGrid]),
-}
-
 /// Process the first sub-CPIs of `job`, which is from `history`, on the module of `session`. `None` if maps were lost: the line is
 /// then too unreliable for a forecast.
 ///
@@ -68,7 +57,7 @@ pub fn rehearse(
     session: &mut Session<'_>,
     job: &Job<'_>,
     history: &dyn PhaseHistory,
-    product: Rehearsed<'_>,
+    request: Request<'_>,
     watch: &mut dyn SessionObserver,
 ) -> Result<Option<Forecast>, LinkError> {
     let mut clock = Clock {
@@ -76,9 +65,9 @@ pub fn rehearse(
         came: [None; SUB_CPIS],
     };
     // Maps come sub-CPI by sub-CPI, an image at the end only: each of its parts is a transfer.
-    let parts = match product {
-        Rehearsed::Maps | Rehearsed::Detections(_) => SUB_CPIS..SUB_CPIS + 1,
-        Rehearsed::Image(_) => 1..SUB_CPIS + 1,
+    let parts = match request {
+        Request::Maps | Request::Detections(_) => SUB_CPIS..SUB_CPIS + 1,
+        Request::Image(_) => 1..SUB_CPIS + 1,
     };
     for sub_cpis in parts {
         let all = history.collection().pulses.len();
@@ -92,12 +81,10 @@ pub fn rehearse(
             patches: job.patches.clone(),
             pulses: PulseSource::new(&first, &weights, job.pulses.encoding())?,
         };
-        let ending = match product {
-            Rehearsed::Maps => session.transfer(&mut part, &mut clock, watch).ending,
-            Rehearsed::Detections(cfar) => {
-                session.detect(&mut part, cfar, &mut clock, watch).ending
-            }
-            Rehearsed::Image(chips) => {
+        let ending = match request {
+            Request::Maps => session.transfer(&mut part, &mut clock, watch).ending,
+            Request::Detections(cfar) => session.detect(&mut part, &cfar, &mut clock, watch).ending,
+            Request::Image(chips) => {
                 let start = Instant::now();
                 let (outcome, _) = session.accumulate(&mut part, chips, watch);
                 clock.came[sub_cpis - 1] = Some(start.elapsed());

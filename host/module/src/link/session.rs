@@ -174,15 +174,7 @@ impl<'b> Session<'b> {
             fast_weights: &job.fast_weights,
             patches: &job.patches,
             total_pulses: job.pulses.len(),
-            send_maps: matches!(products, Products::Maps(_)),
-            cfar: match &products {
-                Products::Detections(cfar, _) => Some(*cfar),
-                Products::Maps(_) | Products::Image(..) => None,
-            },
-            chips: match &products {
-                Products::Image(chips, _) => chips,
-                Products::Maps(_) | Products::Detections(..) => &[],
-            },
+            request: products.request(),
         };
         let mut conversation = Conversation::new(
             &mut self.ledger,

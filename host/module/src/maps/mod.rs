@@ -8,6 +8,7 @@
 pub(crate) mod example;
 mod owned;
 
+use subaperture_core::link::Encoding;
 use subaperture_core::stream::{MapHeader, Setup};
 
 use subaperture_model::geometry::SceneFrame;
@@ -23,6 +24,16 @@ pub enum Arithmetic {
     Float,
     /// 16-bit block floating point.
     Fixed,
+}
+
+impl Arithmetic {
+    /// Encoding of pulses, maps and pixels on the link.
+    pub fn encoding(self) -> Encoding {
+        match self {
+            Self::Float => Encoding::Complex32,
+            Self::Fixed => Encoding::Sc16,
+        }
+    }
 }
 
 /// Properties shared by all maps of a run.

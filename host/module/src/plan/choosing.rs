@@ -47,6 +47,11 @@ pub enum PlanError {
     /// The recording is unsuitable.
     #[error(transparent)]
     Unsuited(#[from] FormError),
+    /// A module accumulates no image on a polar grid or a surface.
+    #[error(
+        "grid: expected a flat Cartesian grid, found {0}: let the module send maps, and form the image of them"
+    )]
+    Grid(&'static str),
     /// More frequencies per pulse than a module supports.
     #[error(
         "frequencies per pulse: expected at most {LONGEST_RANGE} for a module, found {0}: decimate or cut the band"
@@ -101,6 +106,20 @@ fn least(bytes: u64) -> String {
     format!("least memory: {bytes} bytes ({kibibytes}K)")
 }
 
+impl ModuleProduct {
+    /// Check that a module can send this product of the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`PlanError::Grid`] for an image on a polar grid or a surface.
+    pub fn check_grid(self, grid: &ImageGrid) -> Result<(), PlanError> {
+        match (self, grid.polar, &grid.relief) {
+            (Self::Image, true, _) => Err(PlanError::Grid("a polar grid")),
+            (Self::Image, false, Some(_)) => Err(PlanError::Grid("pixels on a surface")),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl ModulePlan {
     /// Create a plan for the pixels of `grid`.
     ///
@@ -111,6 +130,7 @@ impl ModulePlan {
         grid: &ImageGrid,
         requirements: &Requirements,
     ) -> Result<Self, PlanError> {
+        requirements.product.check_grid(grid)?;
         let band = shared_band(collection)?;
         if band.count > LONGEST_RANGE {
             return Err(PlanError::Frequencies(band.count));

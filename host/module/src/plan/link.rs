@@ -6,7 +6,7 @@
 use subaperture_core::link::DETECTION_BYTES;
 use subaperture_core::stream::BlockFloat;
 
-use super::ModulePlan;
+use super::{ModulePlan, ModuleProduct};
 use crate::maps::Arithmetic;
 
 /// Bits on the line per byte.
@@ -30,8 +30,8 @@ const CHIP_BYTES: u64 = 110;
 /// Load of a product of the whole recording on the link.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ProductLoad {
-    /// Name of the product, as in `subap link --send`.
-    pub product: &'static str,
+    /// Product, as in `subap link --send`.
+    pub product: ModuleProduct,
     /// Fewest and most bytes from the module. They differ for detections: none, or 32 on every map.
     pub down_bytes: [u64; 2],
     /// The same for each byte to the module.
@@ -44,10 +44,10 @@ impl ProductLoad {
     /// Loads of maps, image and detections of a plan on a link of `baud` bits per second.
     pub fn of_each(plan: &ModulePlan, baud: u32) -> [Self; 3] {
         let link = LinkBudget::new(plan, baud);
-        let num_maps = plan.num_sub_cpis as u64 * plan.patches.len() as u64;
         let up_bytes = link.pulse_bytes * plan.num_pulses as u64;
-        let pixel_bytes = sample_bytes(plan.arithmetic);
-        let lists = |detections: u64| num_maps * (LIST_BYTES + DETECTION_BYTES as u64 * detections);
+        let pixel_bytes = plan.arithmetic.encoding().sample_bytes() as u64;
+        let lists =
+            |detections: u64| plan.num_maps() * (LIST_BYTES + DETECTION_BYTES as u64 * detections);
         let image = pixel_bytes * plan.num_pixels + CHIP_BYTES * plan.patches.len() as u64;
         let load = |product, down_bytes: [u64; 2]| Self {
             product,
@@ -56,18 +56,16 @@ impl ProductLoad {
             transfer_s: seconds(up_bytes.max(down_bytes[1]), baud),
         };
         [
-            load("maps", [plan.num_sub_cpis as u64 * link.down_bytes; 2]),
-            load("image", [image; 2]),
-            load("detections", [lists(0), lists(DETECTIONS_A_MAP)]),
+            load(
+                ModuleProduct::Maps,
+                [plan.num_sub_cpis as u64 * link.down_bytes; 2],
+            ),
+            load(ModuleProduct::Image, [image; 2]),
+            load(
+                ModuleProduct::Detections,
+                [lists(0), lists(DETECTIONS_A_MAP)],
+            ),
         ]
-    }
-}
-
-/// Bytes of a sample of a pulse, a map or an image.
-fn sample_bytes(arithmetic: Arithmetic) -> u64 {
-    match arithmetic {
-        Arithmetic::Float => 8,
-        Arithmetic::Fixed => 4,
     }
 }
 
@@ -98,7 +96,7 @@ impl LinkBudget {
     /// Compute the load of a plan on a link of `baud` bits per second.
     pub fn new(plan: &ModulePlan, baud: u32) -> Self {
         let setup = &plan.setup;
-        let sample_bytes = sample_bytes(plan.arithmetic);
+        let sample_bytes = plan.arithmetic.encoding().sample_bytes() as u64;
         let pulse_bytes = PULSE_BYTES + sample_bytes * u64::from(setup.num_frequencies);
         let maps = plan.patches.iter().map(|patch| {
             let exponents = match plan.arithmetic {

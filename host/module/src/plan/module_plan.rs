@@ -30,6 +30,17 @@ pub enum ModuleProduct {
     Image,
 }
 
+impl ModuleProduct {
+    /// Name of the product: `maps`, `detections` or `image`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Maps => "maps",
+            Self::Detections => "detections",
+            Self::Image => "image",
+        }
+    }
+}
+
 /// Work plan of a module.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModulePlan {
@@ -67,6 +78,11 @@ impl ModulePlan {
     /// Sizes of the smallest sufficient buffers.
     pub fn capacity(&self) -> Capacity {
         self.capacity
+    }
+
+    /// Number of maps: one per patch and sub-CPI.
+    pub fn num_maps(&self) -> u64 {
+        self.num_sub_cpis as u64 * self.patches.len() as u64
     }
 
     /// Memory of all buffers in bytes.

@@ -12,8 +12,8 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::Context;
 use subaperture::io::ours::Kind;
 use subaperture::io::product::{self, Product};
-use subaperture::module::accumulated::check_grid;
 use subaperture::module::link::{self, Buffers, ModuleAddress, Settings};
+use subaperture::module::plan::ModuleProduct;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link as wire;
@@ -41,13 +41,12 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
     let collection = history.collection();
     let survey = Survey::of(collection).context("the input holds no pulses")?;
-    let grid = match typed.grid.clone() {
-        Some(grid) => grid,
-        None => session.default_grid(&survey)?,
-    };
+    let grid = session.grid(typed.grid.as_ref(), &survey)?;
     session.check_grid(&grid, 1)?;
+    ModuleProduct::from(typed.send)
+        .check_grid(&grid)
+        .context("--send image")?;
     if typed.send == Sent::Image {
-        check_grid(&grid).context("--send image")?;
         Product::prepare(&typed.out, grid.num_pixels())?;
     }
 
@@ -81,13 +80,21 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     }
 }
 
-/// Check that a program is given only for an emulated module, and a picture only for maps.
+/// Check that options suit the product, and that a program is given only for an emulated module.
 fn check_options(typed: &Link) -> Result<(), Usage> {
-    if typed.picture.is_some() && typed.send == Sent::Image {
-        return Err(Usage(
-            "--picture shows maps as they arrive; --send image sends none: leave one of both out"
-                .to_owned(),
-        ));
+    let sent = ModuleProduct::from(typed.send).name();
+    let false_alarms = typed.false_alarms.is_some();
+    for (option, given, expected) in [
+        ("--picture", typed.picture.is_some(), &["maps"][..]),
+        ("--verify", typed.verify, &["maps", "image"]),
+        ("--false-alarms", false_alarms, &["detections"]),
+    ] {
+        if given && !expected.contains(&sent) {
+            return Err(Usage(format!(
+                "{option}: expected --send {}, found --send {sent}: leave {option} out, or change --send",
+                expected.join(" or ")
+            )));
+        }
     }
     if typed.firmware.is_some() && !matches!(typed.place, ModuleAddress::Emulate(_)) {
         let fault = format!(

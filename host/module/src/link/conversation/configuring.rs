@@ -6,13 +6,13 @@
 //!
 //! Each setting is a request: its command is repeated until the module's status confirms it.
 
-use subaperture_core::cfar::Cfar;
 use subaperture_core::link::{
-    ChipGrid, Command, Configuration, Refusal, State as ModuleState, Status, write_f32s,
+    Command, Configuration, Refusal, State as ModuleState, Status, write_f32s,
 };
 use subaperture_core::stream::{Patch, Setup};
 
 use crate::link::ending::LinkError;
+use crate::link::products::Request;
 
 /// Number of weights per message: few, since short frames are less likely to be hit by line noise.
 const WEIGHTS_A_FRAME: usize = 32;
@@ -30,10 +30,7 @@ pub(in crate::link) struct JobSettings<'j> {
     pub(in crate::link) patches: &'j [Patch],
     /// Number of pulses of all runs.
     pub(in crate::link) total_pulses: u32,
-    pub(in crate::link) send_maps: bool,
-    pub(in crate::link) cfar: Option<Cfar>,
-    /// One chip per patch, or none.
-    pub(in crate::link) chips: &'j [ChipGrid],
+    pub(in crate::link) request: Request<'j>,
 }
 
 impl JobSettings<'_> {
@@ -52,9 +49,7 @@ impl JobSettings<'_> {
             fast_weights: &[],
             patches: &[],
             total_pulses: 0,
-            send_maps: true,
-            cfar: None,
-            chips: &[],
+            request: Request::Maps,
         }
     }
 }
@@ -83,7 +78,9 @@ impl Setting {
     pub(super) fn next(self, job_settings: &JobSettings<'_>) -> Option<Self> {
         let weights = |n: usize| n * WEIGHTS_A_FRAME < job_settings.fast_weights.len();
         let patch = |n: usize| n < job_settings.patches.len();
-        let chip = |n: usize| n < job_settings.chips.len();
+        let chip =
+            |n: usize| matches!(job_settings.request, Request::Image(chips) if n < chips.len());
+        let detects = matches!(job_settings.request, Request::Detections(_));
         match self {
             Self::Abort => Some(Self::Configure),
             Self::Configure if weights(0) => Some(Self::Weights(0)),
@@ -92,7 +89,7 @@ impl Setting {
             Self::Patch(n) if patch(n + 1) => Some(Self::Patch(n + 1)),
             Self::Patch(_) if chip(0) => Some(Self::Chip(0)),
             Self::Chip(n) if chip(n + 1) => Some(Self::Chip(n + 1)),
-            Self::Patch(_) if job_settings.cfar.is_some() => Some(Self::Detect),
+            Self::Patch(_) if detects => Some(Self::Detect),
             Self::Configure | Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Detect => {
                 Some(Self::Ready)
             }
@@ -113,7 +110,7 @@ impl Setting {
                 id,
                 setup: job_settings.setup,
                 total_pulses: job_settings.total_pulses,
-                send_maps: job_settings.send_maps,
+                send_maps: matches!(job_settings.request, Request::Maps),
             }),
             Self::Weights(n) => {
                 let first = n * WEIGHTS_A_FRAME;
@@ -129,10 +126,11 @@ impl Setting {
                 count: job_settings.patches.len() as u16,
                 patch: job_settings.patches[n],
             },
-            Self::Chip(n) => Command::Chip(job_settings.chips[n]),
-            // Without settings there is no such step.
-            Self::Detect => job_settings.cfar.map_or(Command::Status, Command::Detect),
-            Self::Ready => Command::Status,
+            Self::Chip(_) | Self::Detect | Self::Ready => match (self, job_settings.request) {
+                (Self::Chip(n), Request::Image(chips)) => Command::Chip(chips[n]),
+                (Self::Detect, Request::Detections(cfar)) => Command::Detect(cfar),
+                _ => Command::Status,
+            },
         }
     }
 

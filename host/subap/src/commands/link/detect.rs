@@ -4,20 +4,17 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::time::Instant;
 
-use anyhow::bail;
-use serde_json::json;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::TEXT_MARK;
 use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::module::detections::{LocatedDetection, Locator};
-use subaperture::module::link::{self, DetectionSink, Job, SinkError, TransferEnd};
+use subaperture::module::link::{self, DetectionSink, Job, SinkError};
 use subaperture_core::cfar::{Cfar, Detection, TrainingWindow};
 
-use super::outcome::{ending_name, refuse_failure};
+use super::outcome::Received;
 use super::receiving::Watching;
 use super::work::Work;
-use crate::config::record_of_run;
-use crate::text;
+use crate::interrupt;
 
 /// Guard and training cells of the detector: a map has two bins or more per resolution cell.
 const WINDOWS: [TrainingWindow; 2] = [
@@ -30,6 +27,9 @@ const WINDOWS: [TrainingWindow; 2] = [
         training: 4,
     },
 ];
+
+/// Default probability of a false alarm per map cell.
+const FALSE_ALARMS: f64 = 1e-6;
 
 /// Maximum number of detections kept: 32 on each of 10^6 maps would take 2 GiB.
 const MAX_DETECTIONS: usize = 1 << 20;
@@ -48,9 +48,7 @@ impl DetectionSink for Locating<'_> {
             )
             .into());
         }
-        let located = list
-            .iter()
-            .filter_map(|detection| self.locator.locate(sub_cpi, patch, detection));
+        let located = self.locator.locate(sub_cpi, patch, list);
         self.located.extend(located);
         Ok(())
     }
@@ -63,7 +61,7 @@ impl Work<'_> {
         Cfar {
             range,
             doppler,
-            false_alarm_probability: self.typed.false_alarms,
+            false_alarm_probability: self.typed.false_alarms.unwrap_or(FALSE_ALARMS),
         }
     }
 
@@ -75,72 +73,33 @@ impl Work<'_> {
         watch: &mut Watching,
         start: Instant,
     ) -> anyhow::Result<()> {
-        let Self {
-            session,
-            typed,
-            history,
-            grid,
-            plan,
-            ..
-        } = *self;
+        // From here on, an interruption keeps the detections received.
+        let _keeping = interrupt::Keeping::begin();
         let mut sink = Locating {
-            locator: Locator::new(history.collection(), grid, plan),
+            locator: Locator::new(self.history.collection(), self.grid, self.plan),
             located: Vec::new(),
         };
         let outcome = module.detect(job, &self.cfar(), &mut sink, watch);
         watch.bar.finish();
-        let counts = &outcome.counts;
-        if counts.maps_taken == 0 {
-            refuse_failure(&outcome.ending)?;
-            bail!("no list was received: the line loses too many frames; no file was written");
-        }
-        let mut located = sink.located;
+        let (maps, mut located) = (outcome.counts.maps_taken, sink.located);
         located.sort_by_key(|detection| (detection.sub_cpi, detection.patch));
-        let scale = f64::from(job.pulses.amplitude_scale()).powi(2);
-        let list = csv(&located, scale);
-        write_atomically(&typed.out, list.len() as u64, |file| {
-            file.write_all(list.as_bytes())
-        })?;
-        let complete = counts.maps_taken == counts.maps_wanted;
-        let ratio = counts.down_up_ratio();
-        if session.json() {
-            text::say_json(
-                "link",
-                json!({
-                    "detections": located.len(),
-                    "maps": counts.maps_taken,
-                    "ending": ending_name(&outcome.ending, !complete),
-                    "counters": counts.to_json(),
-                    "down_up_ratio": ratio,
-                    "run": record_of_run(session, start.elapsed()),
-                    "files": [WrittenFile::new(&typed.out, FileKind::Detections)],
-                }),
-            )?;
-        } else if session.prints_text() {
-            text::say(format!(
-                "{}: {} detections on {} maps in {}",
-                typed.out.display(),
-                located.len(),
-                counts.maps_taken,
-                text::duration(start.elapsed())
-            ))?;
-            text::say(counts.to_string())?;
-            text::say(format!(
-                "ratio     {ratio:.4} bytes from the module for each byte to it"
-            ))?;
+        let (mut content, mut files) = (None, Vec::new());
+        if maps > 0 {
+            let scale = f64::from(job.pulses.amplitude_scale()).powi(2);
+            let list = csv(&located, scale);
+            write_atomically(&self.typed.out, list.len() as u64, |file| {
+                file.write_all(list.as_bytes())
+            })?;
+            content = Some(format!("{} detections on {maps} maps", located.len()));
+            files.push(WrittenFile::new(&self.typed.out, FileKind::Detections));
         }
-        if complete {
-            return Ok(());
-        }
-        if let TransferEnd::Complete | TransferEnd::Incomplete = outcome.ending {
-            bail!(
-                "the detections of {} of {} maps are missing in {}: the line loses too many frames",
-                outcome.missing.len(),
-                counts.maps_wanted,
-                typed.out.display()
-            );
-        }
-        refuse_failure(&outcome.ending)
+        let received = Received {
+            content,
+            numbers: vec![("detections", located.len() as u64), ("maps", maps)],
+            compared: None,
+            files,
+        };
+        self.report(&outcome, &received, start)
     }
 }
 

@@ -1,30 +1,26 @@
 //! `subap link --send image`: the module accumulates the image, which is received once.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::bail;
+use num_complex::Complex32;
 use serde_json::{Value, json};
 use subaperture::io::product::Antennas;
 use subaperture::io::product::record::{self, Brightest};
 use subaperture::io::written::WrittenFile;
 use subaperture::module::accumulated::{Unsuited, assemble, by_host_core, chips};
-use subaperture::module::link::{
-    self, AccumulatedImage, HostCore, Identity, Job, LinkError, Outcome, TransferEnd,
-};
+use subaperture::module::link::{self, AccumulatedImage, HostCore, Identity, Job, Outcome};
 use subaperture::plot::{Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link::ChipGrid;
 
-use super::outcome::{ending_name, refuse_failure};
+use super::outcome::{Received, verified_record};
 use super::receiving::Watching;
 use super::work::Work;
 use crate::commands::forming;
 use crate::config::{command_line, record_of_run};
-use crate::{messages, text};
-
-/// Error of a float32 image against the core on this computer that counts as rounding, dB: sums in another order.
-const ROUNDING_DB: f64 = -110.0;
+use crate::messages;
 
 impl<'w> Work<'w> {
     /// Chips of the patches, if the module has room for them.
@@ -57,55 +53,54 @@ impl<'w> Work<'w> {
         let chips = self.chips(module.identity())?;
         let (outcome, received) = module.accumulate(job, &chips, watch);
         watch.bar.finish();
-        if received.sub_cpis.is_empty() || received.chips.iter().any(Option::is_none) {
-            refuse_failure(&outcome.ending)?;
-            bail!(
-                "the image was not received: the line loses too many frames; no file was written"
-            );
+        let (mut content, mut compared, mut files) = (None, None, Vec::new());
+        if !received.sub_cpis.is_empty() && received.chips.iter().all(Option::is_some) {
+            if received.left_out > 0 {
+                bail!(
+                    "{} contributions to pixels lie outside the maps: the module was given other patches than planned; no \
+                     file was written",
+                    received.left_out
+                );
+            }
+            if self.typed.verify {
+                self.verify(&chips, &received)?;
+                compared = Some((self.grid.num_pixels(), 0));
+            }
+            files = self.write(survey, job, &outcome, &received, compared, start)?;
+            content = Some(format!(
+                "{} x {} pixels of {} sub-CPIs",
+                self.grid.columns.count,
+                self.grid.rows.count,
+                received.sub_cpis.len()
+            ));
         }
-        if received.left_out > 0 {
-            bail!(
-                "{} contributions to pixels lie outside the maps: the module was given other patches than planned; no \
-                 file was written",
-                received.left_out
-            );
-        }
-        let verified = match self.typed.verify {
-            true => Some(self.verify(&chips, &received)?),
-            false => None,
+        let received = Received {
+            content,
+            numbers: vec![("sub_cpis", received.sub_cpis.len() as u64)],
+            compared,
+            files,
         };
-        let files = self.write(survey, job, &outcome, &received, verified, start)?;
-        self.report(&outcome, &received, verified, &files, start.elapsed())
+        self.report(&outcome, &received, start)
     }
 
-    /// Relative RMS difference from the image of the core on this computer in dB; minus infinity if bit-identical.
-    fn verify(&self, chips: &[ChipGrid], received: &AccumulatedImage) -> anyhow::Result<f64> {
+    /// Check that the image is bit-identical to that of the core on this computer.
+    fn verify(&self, chips: &[ChipGrid], received: &AccumulatedImage) -> anyhow::Result<()> {
         let mut core = HostCore::new(self.job()?)?;
         let expected = by_host_core(&mut core, chips, &received.sub_cpis)?;
         if expected == *received {
-            return Ok(f64::NEG_INFINITY);
+            return Ok(());
         }
-        let pixels = |image: &AccumulatedImage| {
-            image
-                .chips
-                .iter()
-                .flatten()
-                .flatten()
-                .copied()
-                .collect::<Vec<_>>()
+        let pixels = |image: &AccumulatedImage| -> Vec<Complex32> {
+            image.chips.iter().flatten().flatten().copied().collect()
         };
         let (a, b) = (pixels(received), pixels(&expected));
-        let power = |difference: f64, z: f64| difference + z;
-        let difference = a.iter().zip(&b).map(|(a, b)| f64::from((a - b).norm_sqr()));
-        let whole = b.iter().map(|b| f64::from(b.norm_sqr()));
-        let ratio_db = 10.0 * (difference.fold(0.0, power) / whole.fold(0.0, power)).log10();
-        if ratio_db > ROUNDING_DB {
-            bail!(
-                "the image differs by {ratio_db:.1} dB from that of the core on this computer, and no file was written: is the \
-                 firmware of this version?"
-            );
-        }
-        Ok(ratio_db)
+        let differences = a.iter().zip(&b).map(|(a, b)| f64::from((a - b).norm_sqr()));
+        let whole: f64 = b.iter().map(|b| f64::from(b.norm_sqr())).sum();
+        bail!(
+            "the image differs by {:.1} dB (relative RMS) from that of the core on this computer, and no file was written: is \
+             the firmware of this version?",
+            10.0 * (differences.sum::<f64>() / whole).log10()
+        )
     }
 
     /// Write the folder of the image.
@@ -115,7 +110,7 @@ impl<'w> Work<'w> {
         job: &Job<'_>,
         outcome: &Outcome,
         received: &AccumulatedImage,
-        verified: Option<f64>,
+        compared: Option<(u64, u64)>,
         start: Instant,
     ) -> anyhow::Result<Vec<WrittenFile>> {
         let Self {
@@ -155,7 +150,7 @@ impl<'w> Work<'w> {
                     "predicted_error_db": plan.predicted_db,
                     "amplitude_scale": job.pulses.amplitude_scale(),
                     "link": outcome.counts.to_json(),
-                    "verified": verified.map(verified_name),
+                    "verified": verified_record(compared),
                 },
             }),
             collection: forming::about(survey, history)?,
@@ -180,87 +175,5 @@ impl<'w> Work<'w> {
             ..Panel::new(&image, grid, title.clone())
         };
         forming::write(session, &typed.out, &image, &panel, &metadata.to_json())
-    }
-
-    /// Report the outcome. It is an error unless the image has all sub-CPIs.
-    fn report(
-        &self,
-        outcome: &Outcome,
-        received: &AccumulatedImage,
-        verified: Option<f64>,
-        files: &[WrittenFile],
-        taken: Duration,
-    ) -> anyhow::Result<()> {
-        let Self {
-            session,
-            typed,
-            plan,
-            ..
-        } = *self;
-        let counts = &outcome.counts;
-        let ratio = counts.down_up_ratio();
-        let complete = received.sub_cpis.len() == plan.num_sub_cpis;
-        if session.json() {
-            text::say_json(
-                "link",
-                json!({
-                    "sub_cpis": received.sub_cpis.len(),
-                    "ending": ending_name(&outcome.ending, !complete),
-                    "counters": counts.to_json(),
-                    "down_up_ratio": ratio,
-                    "verified": verified.map(verified_name),
-                    "run": record_of_run(session, taken),
-                    "files": files,
-                }),
-            )?;
-        } else if session.prints_text() {
-            text::say(format!(
-                "{}: {} x {} pixels of {} sub-CPIs in {}",
-                typed.out.display(),
-                self.grid.columns.count,
-                self.grid.rows.count,
-                received.sub_cpis.len(),
-                text::duration(taken)
-            ))?;
-            text::say(counts.to_string())?;
-            text::say(format!(
-                "ratio     {ratio:.4} bytes from the module for each byte to it"
-            ))?;
-        }
-        if let Some(verified) = verified
-            && !session.json()
-        {
-            text::say(format!(
-                "verified  against the core on this computer: {}",
-                verified_name(verified)
-            ))?;
-        }
-        if complete {
-            return Ok(());
-        }
-        let so_far = format!(
-            "the image in {} has {} of {} sub-CPIs",
-            typed.out.display(),
-            received.sub_cpis.len(),
-            plan.num_sub_cpis
-        );
-        match &outcome.ending {
-            TransferEnd::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
-            TransferEnd::Failed(error) => bail!("{error}; {so_far}"),
-            TransferEnd::Complete | TransferEnd::Incomplete => bail!(
-                "{so_far}: {}",
-                match typed.rate {
-                    Some(_) => "module or line are too slow for this --rate",
-                    None => "the line loses too many frames: raise --retries",
-                }
-            ),
-        }
-    }
-}
-
-fn verified_name(difference_db: f64) -> String {
-    match difference_db {
-        f64::NEG_INFINITY => "bit-identical".to_owned(),
-        difference_db => format!("{difference_db:.1} dB"),
     }
 }

@@ -1,101 +1,109 @@
-//! Outcome of a transfer: its report, and the closing record of the file of maps.
+//! Outcome of a transfer: its report for all products, and the closing record of the file of maps.
 
-use std::time::Duration;
+use std::time::Instant;
 
 use anyhow::bail;
-use serde_json::json;
-use subaperture::io::written::{FileKind, WrittenFile};
+use serde_json::{Value, json};
+use subaperture::io::written::WrittenFile;
 use subaperture::module::link::{Job, LinkError, Outcome, TransferEnd};
 use subaperture::module::maps::RunTotals;
 
-use crate::args::Link;
-use crate::config::{Session, record_of_run};
-use crate::failure::InterruptedWithMaps;
+use super::work::Work;
+use crate::args::Sent;
+use crate::config::record_of_run;
+use crate::failure::InterruptedLink;
 use crate::{advice, text};
 
-/// Report the outcome. It is an error unless all maps were received.
-pub(super) fn report(
-    session: &Session,
-    typed: &Link,
-    outcome: &Outcome,
-    compared: Option<(u64, u64)>,
-    maps: u64,
-    taken: Duration,
-) -> anyhow::Result<()> {
-    let path = typed.out.display().to_string();
-    if session.json() {
-        let mut report = json!({
-            "maps": maps,
-            "ending": ending_name(&outcome.ending, maps < outcome.counts.maps_wanted),
-            "counters": outcome.counts.to_json(),
-            "run": record_of_run(session, taken),
-        });
-        if let Some((same, different)) = compared {
-            report["verified"] = json!({ "same": same, "different": different });
-        }
-        let mut files = Vec::new();
-        if maps > 0 {
-            files.push(WrittenFile::new(&typed.out, FileKind::Maps));
-        }
-        let picture = typed.picture.iter().filter(|path| path.exists());
-        files.extend(picture.map(|path| WrittenFile::new(path, FileKind::Picture)));
-        report["files"] = json!(files);
-        text::say_json("link", report)?;
-    } else if session.prints_text() && maps > 0 {
-        text::say(format!("{path}: {maps} maps in {}", text::duration(taken)))?;
-        text::say(outcome.counts.to_string())?;
-    }
-    if let Some((same, different)) = compared
-        && maps > 0
-        && !session.json()
-    {
-        text::say(format!(
-            "verified  {same} maps bit-identical to the core on this computer, {different} not"
-        ))?;
-    }
-    if let Some((_, different)) = compared
-        && different > 0
-    {
-        bail!(
-            "{different} maps differ from those of the core on this computer and were left out: is the firmware of this \
-             version?"
-        );
-    }
-    match &outcome.ending {
-        TransferEnd::Complete => Ok(()),
-        // An error status, so that scripts do not use an incomplete aperture unnoticed.
-        TransferEnd::Incomplete => bail!(
-            "{} of {} maps are missing: {}; {}",
-            outcome.missing.len(),
-            outcome.counts.maps_wanted,
-            match typed.rate {
-                Some(_) => "module or line are too slow for this --rate",
-                None => "the line loses too many frames: raise --retries",
-            },
-            match maps {
-                0 => "nothing was written".to_owned(),
-                _ => format!("the {maps} maps received are in {path}"),
-            }
-        ),
-        TransferEnd::Failed(LinkError::Cancelled) if maps > 0 => {
-            Err(InterruptedWithMaps { maps, path }.into())
-        }
-        TransferEnd::Failed(error) if maps > 0 && !matches!(error, LinkError::Cancelled) => {
-            bail!(
-                "{}; the {maps} maps received so far are in {path}",
-                advice::with_advice(error)
-            )
-        }
-        failed @ TransferEnd::Failed(_) => refuse_failure(failed),
-    }
+/// Received products, for the report.
+pub(super) struct Received {
+    /// Content of the output, such as "3 maps". `None` without an output.
+    pub(super) content: Option<String>,
+    /// Counts in the JSON report, with their names.
+    pub(super) numbers: Vec<(&'static str, u64)>,
+    /// Numbers of maps or pixels that equal those of the core on this computer, and that differ from them.
+    pub(super) compared: Option<(u64, u64)>,
+    pub(super) files: Vec<WrittenFile>,
 }
 
-/// Report a failed transfer without results.
-pub(super) fn refuse_failure(ending: &TransferEnd) -> anyhow::Result<()> {
-    match ending {
-        TransferEnd::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
-        TransferEnd::Failed(error) => bail!("{}", advice::with_advice(error)),
-        TransferEnd::Complete | TransferEnd::Incomplete => Ok(()),
+impl Work<'_> {
+    /// Report the outcome. It is an error unless everything was received, so that scripts do not use an incomplete
+    /// aperture unnoticed.
+    pub(super) fn report(
+        &self,
+        outcome: &Outcome,
+        received: &Received,
+        start: Instant,
+    ) -> anyhow::Result<()> {
+        let Self { session, typed, .. } = *self;
+        let Outcome {
+            counts,
+            missing,
+            ending,
+        } = outcome;
+        let path = typed.out.display();
+        let ratio = counts.down_up_ratio();
+        let (taken, compared) = (start.elapsed(), received.compared);
+        if session.json() {
+            let mut report = json!({
+                "ending": ending_name(outcome, compared),
+                "counters": counts.to_json(),
+                "down_up_ratio": ratio,
+                "verified": verified_record(compared),
+                "run": record_of_run(session, taken),
+                "files": received.files,
+            });
+            for (name, number) in &received.numbers {
+                report[name] = json!(number);
+            }
+            text::say_json("link", report)?;
+        } else if let Some(content) = &received.content {
+            if session.prints_text() {
+                let taken = text::duration(taken);
+                text::say(format!(
+                    "{path}: {content} in {taken}\n{counts}\n\
+                     ratio     {ratio:.4} bytes from the module for each byte to it"
+                ))?;
+            }
+            if let Some((same, different)) = compared {
+                let unit = match typed.send {
+                    Sent::Image => "pixels",
+                    Sent::Maps | Sent::Detections => "maps",
+                };
+                text::say(format!(
+                    "verified  {same} {unit} bit-identical to the core on this computer, {different} not"
+                ))?;
+            }
+        }
+        if let Some((_, different @ 1..)) = compared {
+            bail!(
+                "{different} maps differ from those of the core on this computer and were left out: is the firmware of this \
+                 version?"
+            );
+        }
+        let kept = received.content.as_ref();
+        let kept = kept.map(|content| format!("{content} are in {path}"));
+        let files = kept.as_deref().unwrap_or("no file was written");
+        match ending {
+            TransferEnd::Complete => Ok(()),
+            TransferEnd::Incomplete => bail!(
+                "{}: {}; {files}",
+                match missing.len() {
+                    0 => "parts of the image are missing".to_owned(),
+                    count => format!("{count} of {} maps are missing", counts.maps_wanted),
+                },
+                match typed.rate {
+                    Some(_) => "module or line are too slow for this --rate",
+                    None => "the line loses too many frames: raise --retries",
+                }
+            ),
+            TransferEnd::Failed(LinkError::Cancelled) => Err(match kept {
+                Some(kept) => InterruptedLink(kept).into(),
+                None => LinkError::Cancelled.into(),
+            }),
+            TransferEnd::Failed(error) => {
+                bail!("{}; {files}", advice::with_advice(error))
+            }
+        }
     }
 }
 
@@ -119,18 +127,10 @@ pub(super) fn closing(
             .collect(),
     );
     counters.insert("maps_missing".to_owned(), json!(missing));
-    counters.insert(
-        "ending".to_owned(),
-        json!(ending_name(
-            &outcome.ending,
-            written < outcome.counts.maps_wanted
-        )),
-    );
-    if let Some((same, different)) = compared {
-        counters.insert(
-            "verified".to_owned(),
-            json!({ "same": same, "different": different }),
-        );
+    let ending = ending_name(outcome, compared);
+    counters.insert("ending".to_owned(), json!(ending));
+    if compared.is_some() {
+        counters.insert("verified".to_owned(), verified_record(compared));
     }
     RunTotals {
         num_pulses: job.pulses.len().into(),
@@ -139,10 +139,17 @@ pub(super) fn closing(
     }
 }
 
-/// Ending of a transfer in one word, or its failure.
-pub(super) fn ending_name(ending: &TransferEnd, some_are_missing: bool) -> String {
-    match ending {
-        TransferEnd::Complete if !some_are_missing => "complete".to_owned(),
+/// Numbers of equal and different maps or pixels, as in JSON.
+pub(super) fn verified_record(compared: Option<(u64, u64)>) -> Value {
+    json!(compared.map(|(same, different)| json!({ "same": same, "different": different })))
+}
+
+/// Ending of a transfer in one word, or its failure. Maps that differ from those of the core count as missing.
+fn ending_name(outcome: &Outcome, compared: Option<(u64, u64)>) -> String {
+    match &outcome.ending {
+        TransferEnd::Complete if compared.is_none_or(|(_, different)| different == 0) => {
+            "complete".to_owned()
+        }
         TransferEnd::Complete | TransferEnd::Incomplete => "incomplete".to_owned(),
         TransferEnd::Failed(error) => error.to_string(),
     }

@@ -6,22 +6,22 @@ use anyhow::bail;
 use serde_json::{Map, Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::npy;
-use subaperture::module::link::{self, HostCore, Identity, Job, PulseSource, Verified};
+use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::module::link::{self, HostCore, Identity, Job, PulseSource, Request, Verified};
 use subaperture::module::maps::{Arithmetic, Run};
 use subaperture::module::maps_file as maps;
 use subaperture::module::maps_file::{MAX_MAPS, MapWriter};
 use subaperture::module::plan::{ModuleCapacity, ModulePlan, Requirements};
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture_core::link as wire;
-use subaperture_core::link::Encoding;
 
-use super::outcome::{closing, report};
+use super::outcome::{Received, closing};
 use super::picture::Picture;
 use super::receiving::{Keep, Watching};
 use crate::ahead::Ahead;
 use crate::args::{Link, Sent};
 use crate::commands::plan::gaps;
-use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, default_module_error_db, record_of_run};
+use crate::config::{Session, module_error_db, record_of_run};
 use crate::{interrupt, messages};
 use subaperture::io::product::record::grid as grid_record;
 
@@ -34,9 +34,7 @@ pub(super) fn plan(
     identity: &Identity,
 ) -> anyhow::Result<ModulePlan> {
     let requirements = Requirements {
-        error_db: typed
-            .error_db
-            .unwrap_or(default_module_error_db(typed.send)),
+        error_db: module_error_db(typed.error_db, typed.send),
         room: ModuleCapacity::Built(identity.capacity),
         arithmetic: match identity.arithmetic {
             wire::Arithmetic::Float => Arithmetic::Float,
@@ -57,7 +55,7 @@ pub(super) fn plan(
     if let Some(gaps) = gaps(&plan) {
         session.note(1, || format!("track: {gaps}"));
     }
-    let num_maps = num_maps(&plan);
+    let num_maps = plan.num_maps();
     if typed.send == Sent::Maps && num_maps > MAX_MAPS {
         bail!(
             "expected at most {MAX_MAPS} maps per file, found {num_maps}: give a smaller --grid, or link the \
@@ -65,11 +63,6 @@ pub(super) fn plan(
         );
     }
     Ok(plan)
-}
-
-/// Number of maps in a plan.
-fn num_maps(plan: &ModulePlan) -> u64 {
-    plan.num_sub_cpis as u64 * plan.patches.len() as u64
 }
 
 /// Work of the module.
@@ -110,10 +103,7 @@ impl<'w> Work<'w> {
     }
 
     pub(super) fn job(&self) -> anyhow::Result<Job<'w>> {
-        let encoding = match self.plan.arithmetic {
-            Arithmetic::Float => Encoding::Complex32,
-            Arithmetic::Fixed => Encoding::Sc16,
-        };
+        let encoding = self.plan.arithmetic.encoding();
         Ok(Job {
             setup: self.plan.setup,
             fast_weights: self.fast_weights.clone(),
@@ -130,21 +120,20 @@ impl<'w> Work<'w> {
         watch: &mut Watching,
     ) -> anyhow::Result<()> {
         let Self { typed, plan, .. } = *self;
-        let chips = match typed.send {
-            Sent::Maps | Sent::Detections => Vec::new(),
-            Sent::Image => self.chips(module.identity())?,
+        let chips;
+        let request = match typed.send {
+            Sent::Maps => Request::Maps,
+            Sent::Detections => Request::Detections(self.cfar()),
+            Sent::Image => {
+                chips = self.chips(module.identity())?;
+                Request::Image(&chips)
+            }
         };
-        let cfar = self.cfar();
-        let product = match typed.send {
-            Sent::Maps => link::Rehearsed::Maps,
-            Sent::Detections => link::Rehearsed::Detections(&cfar),
-            Sent::Image => link::Rehearsed::Image(&chips),
-        };
-        let time = link::rehearse(module, job, self.history, product, watch)?;
+        let time = link::rehearse(module, job, self.history, request, watch)?;
         watch.bar.finish();
         let work = format!(
             "{} maps of {} pulses by the module at {}; retransmissions not included",
-            num_maps(plan),
+            plan.num_maps(),
             job.pulses.len(),
             typed.place
         );
@@ -154,7 +143,7 @@ impl<'w> Work<'w> {
             }
             Sent::Image => npy::file_bytes(self.grid.num_pixels()),
             // A few detections a map.
-            Sent::Detections => 1000 * num_maps(plan),
+            Sent::Detections => 1000 * plan.num_maps(),
         };
         let picture_bytes = match &typed.picture {
             Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),
@@ -194,7 +183,7 @@ impl<'w> Work<'w> {
         watch: &mut Watching,
         start: Instant,
     ) -> anyhow::Result<()> {
-        let Self { session, typed, .. } = *self;
+        let typed = self.typed;
         // From here on, an interruption keeps the maps received.
         let _keeping = interrupt::Keeping::begin();
         let mut writer = MapWriter::create(&typed.out, run)?;
@@ -218,7 +207,19 @@ impl<'w> Work<'w> {
         }
         // The file is complete before the last picture is drawn.
         let drawn = picture.map(Picture::finish);
-        report(session, typed, &outcome, compared, maps, start.elapsed())?;
+        let mut files = Vec::new();
+        if maps > 0 {
+            files.push(WrittenFile::new(&typed.out, FileKind::Maps));
+        }
+        let shown = typed.picture.iter().filter(|path| path.exists());
+        files.extend(shown.map(|path| WrittenFile::new(path, FileKind::Picture)));
+        let received = Received {
+            content: (maps > 0).then(|| format!("{maps} maps")),
+            numbers: vec![("maps", maps)],
+            compared,
+            files,
+        };
+        self.report(&outcome, &received, start)?;
         if let Some(drawn) = drawn {
             let left_out = drawn?;
             if left_out > 0 {
@@ -240,7 +241,7 @@ impl<'w> Work<'w> {
             run,
             self.grid,
             self.plan.patches.len(),
-            self.typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+            module_error_db(self.typed.error_db, Sent::Maps),
             self.session.memory_bytes,
         );
         let title = run.name.clone();
@@ -273,7 +274,7 @@ impl<'w> Work<'w> {
             },
             "inputs": history.inputs()?,
             "grid": grid_record(grid),
-            "error_db": typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+            "error_db": module_error_db(typed.error_db, Sent::Maps),
             "predicted_error_db": plan.predicted_db,
             "slow_window": typed.windows.slow_window.to_string(),
             "rate_hz": typed.rate,

@@ -10,7 +10,7 @@ use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::PlanModule;
-use crate::config::{Session, default_module_error_db};
+use crate::config::{Session, module_error_db};
 use crate::text::{self, Fact, bytes, metres};
 
 /// Print the plan of the embedded module.
@@ -18,14 +18,9 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     typed.input.refuse_several("a module")?;
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let grid = match typed.grid.clone() {
-        Some(grid) => grid,
-        None => session.default_grid(&survey)?,
-    };
+    let grid = session.grid(typed.grid.as_ref(), &survey)?;
     let requirements = Requirements {
-        error_db: typed
-            .error_db
-            .unwrap_or(default_module_error_db(typed.send)),
+        error_db: module_error_db(typed.error_db, typed.send),
         room: ModuleCapacity::Ram { bytes: typed.ram },
         arithmetic: if typed.fixed {
             Arithmetic::Fixed
@@ -44,6 +39,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         plan: &plan,
         link: plan.link(typed.link),
         products: ProductLoad::of_each(&plan, typed.link),
+        accumulates: ModuleProduct::Image.check_grid(&grid).is_ok(),
         period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
         patch_m: (!grid.polar).then(|| {
             [
@@ -80,6 +76,8 @@ struct Sheet<'a> {
     plan: &'a ModulePlan,
     link: LinkBudget,
     products: [ProductLoad; 3],
+    /// Whether a module can accumulate an image on this grid.
+    accumulates: bool,
     /// Interval between sub-CPIs, seconds.
     period_s: Option<f64>,
     /// Patch sides along x and y, metres.
@@ -233,7 +231,7 @@ impl Sheet<'_> {
                     ),
                 };
                 (
-                    load.product,
+                    load.product.name(),
                     format!(
                         "{down} down for the whole recording, {ratio} of the bytes up; {:.3} s at {} baud",
                         load.transfer_s, self.link.baud
@@ -246,9 +244,9 @@ impl Sheet<'_> {
             "recommended",
             format!(
                 "--send {}{}",
-                recommended.product,
+                recommended.product.name(),
                 match (recommended.product, self.plan.product) {
-                    ("image", ModuleProduct::Maps) =>
+                    (ModuleProduct::Image, ModuleProduct::Maps) =>
                         ", if the module has room for it: plan with --send image",
                     _ => "",
                 }
@@ -260,7 +258,7 @@ impl Sheet<'_> {
     /// Of maps and image, which both give the image, the one with fewer bytes.
     fn recommended(&self) -> &ProductLoad {
         let [maps, image, _] = &self.products;
-        if image.down_bytes[1] < maps.down_bytes[1] {
+        if self.accumulates && image.down_bytes[1] < maps.down_bytes[1] {
             image
         } else {
             maps

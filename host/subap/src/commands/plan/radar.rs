@@ -38,10 +38,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
         session.open(&typed.input)?.collection().clone()
     };
     let survey = Survey::of(&collection).context("the input holds no pulses")?;
-    let grid = match typed.grid.clone() {
-        Some(grid) => grid,
-        None => session.default_grid(&survey)?,
-    };
+    let grid = session.grid(typed.grid.as_ref(), &survey)?;
     let link = |power_w| LinkBudget {
         power_w,
         transmit_gain_dbi: typed.gain,
