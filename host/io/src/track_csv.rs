@@ -17,9 +17,10 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DVec3, EulerRot};
 
 use crate::estimated_track::EXTRA_COLUMNS;
+use crate::ours::TEXT_MARK;
 
 use subaperture_model::track::{Fix, turned};
 
@@ -62,6 +63,28 @@ pub enum TrackCsvError {
         /// Description of the fault.
         what: String,
     },
+}
+
+/// Text of a track, with attitude if the first fix has one.
+pub fn text(fixes: &[Fix]) -> String {
+    let turns = fixes.first().is_some_and(|fix| fix.attitude.is_some());
+    let more = if turns {
+        ",roll_deg,pitch_deg,yaw_deg"
+    } else {
+        ""
+    };
+    let mut text = format!("# {TEXT_MARK}\ntime_s,x_m,y_m,z_m{more}\n");
+    for fix in fixes {
+        let [x, y, z] = fix.position_m.to_array();
+        text += &format!("{},{x},{y},{z}", fix.time_s);
+        if turns {
+            let (yaw, pitch, roll) = fix.attitude.unwrap_or_default().to_euler(EulerRot::ZYX);
+            let [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_degrees);
+            text += &format!(",{roll},{pitch},{yaw}");
+        }
+        text.push('\n');
+    }
+    text
 }
 
 /// Read the fixes of a track.

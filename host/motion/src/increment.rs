@@ -86,6 +86,27 @@ pub fn chain(increments: impl IntoIterator<Item = Increment>) -> Vec<Pose> {
     std::iter::once(start).chain(rest).collect()
 }
 
+/// Longest unbroken chain of poses, each with the number of its pulse. An increment has the numbers of its earlier and its later pulse, in
+/// ascending order of the later; one without motion begins a new chain, from the origin at heading 0.
+pub fn longest_chain(
+    increments: impl IntoIterator<Item = (usize, usize, Option<Increment>)>,
+) -> Vec<(usize, Pose)> {
+    let mut chains: Vec<Vec<(usize, Pose)>> = Vec::new();
+    for (from, to, increment) in increments {
+        let current = chains.last_mut();
+        let current = current.filter(|chain| chain.last().is_some_and(|(last, _)| *last == from));
+        match (increment, current) {
+            (Some(increment), Some(chain)) => {
+                let before = chain.last().map_or_else(Pose::default, |(_, pose)| *pose);
+                chain.push((to, before.after(&increment)));
+            }
+            _ => chains.push(vec![(to, Pose::default())]),
+        }
+    }
+    chains.sort_by_key(Vec::len);
+    chains.pop().unwrap_or_default()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,5 +124,29 @@ mod tests {
         let place = DVec2::new(3.0, -1.0);
         let seen = side.seen_after(place);
         assert!((poses[1].at_m + DVec2::Y.rotate(seen)).distance(place) < 1e-15);
+    }
+
+    #[test]
+    fn longest_chain_ends_at_unknown_motion() {
+        let step = Increment {
+            moved_m: DVec2::X,
+            turn_rad: 0.0,
+        };
+        let known = |from, to| (from, to, Some(step));
+        let all = [
+            (0, 0, None),
+            known(0, 1),
+            // Relative to pulse 1, but unknown: the next one is relative to pulse 3.
+            (1, 3, None),
+            known(3, 4),
+            known(4, 6),
+            (6, 7, None),
+            known(7, 8),
+        ];
+        let chain = longest_chain(all);
+        let pulses: Vec<usize> = chain.iter().map(|(pulse, _)| *pulse).collect();
+        assert_eq!(pulses, [3, 4, 6]);
+        assert_eq!(chain[2].1.at_m, 2.0 * DVec2::X);
+        assert_eq!(longest_chain([]), []);
     }
 }

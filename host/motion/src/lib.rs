@@ -53,7 +53,7 @@ mod wraps;
 pub(crate) const MIN_PIVOT: f64 = 1e-13;
 
 pub use check::MotionError;
-pub use increment::{Heading, Increment, chain};
+pub use increment::{Heading, Increment, chain, longest_chain};
 pub use live::Live;
 pub use model::{Array, Pose, Sighting, Target};
 pub use pairwise::Pairwise;

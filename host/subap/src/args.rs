@@ -60,7 +60,7 @@ pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{
     above_zero, any, error_bound, finite, from_zero, geodetic, output, positive, probability,
-    setting, sign, vector,
+    ranges, setting, sign, vector,
 };
 #[cfg(feature = "page")]
 pub(crate) use view::View;
@@ -225,14 +225,31 @@ pub(crate) enum Sent {
     Image,
     /// Targets detected on the maps by CFAR, with their positions
     Detections,
+    /// Motion of the module from pulse to pulse, estimated from the echoes of several receivers
+    Increments,
+    /// Range profiles of a capture of a stepped-frequency radar
+    Profiles,
 }
 
-impl From<Sent> for ModuleProduct {
-    fn from(sent: Sent) -> Self {
-        match sent {
-            Sent::Maps => Self::Maps,
-            Sent::Detections => Self::Detections,
-            Sent::Image => Self::Image,
+impl Sent {
+    /// Product for which maps are planned.
+    pub(crate) fn planned(self) -> Option<ModuleProduct> {
+        match self {
+            Self::Maps => Some(ModuleProduct::Maps),
+            Self::Detections => Some(ModuleProduct::Detections),
+            Self::Image => Some(ModuleProduct::Image),
+            Self::Increments | Self::Profiles => None,
+        }
+    }
+
+    /// Name of the product.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Maps => "maps",
+            Self::Detections => "detections",
+            Self::Image => "image",
+            Self::Increments => "increments",
+            Self::Profiles => "profiles",
         }
     }
 }
@@ -247,8 +264,8 @@ pub(crate) struct Link {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// File for the maps; subap focus --from-maps forms the image. With --send image, folder for the
-    /// image; with --send detections, CSV file
+    /// File for the maps; subap focus --from-maps forms the image. With --send image or profiles, folder;
+    /// with --send detections, CSV file; with --send increments, CSV file of the track, for subap focus --track
     #[arg(long, short, value_name = "PATH", value_hint = ValueHint::AnyPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
@@ -271,6 +288,11 @@ pub(crate) struct Link {
 
     #[command(flatten)]
     pub(crate) windows: Windows,
+
+    /// Nearest and farthest range searched for targets, as 2m:30m, only with --send increments [default: the whole
+    /// unambiguous interval]
+    #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
+    pub(crate) range: Option<(f64, f64)>,
 
     /// Firmware to emulate [default: target/module/float or fixed, here or above]
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]

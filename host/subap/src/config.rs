@@ -9,10 +9,11 @@ use subaperture::convention::INFERENCE;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::open::{Options, open_all, open_sum};
+use subaperture::module::plan::ModuleProduct;
 use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
 
-use crate::args::{self, Global, Sent};
+use crate::args::{self, Global};
 use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{interrupt, log, messages, text};
@@ -27,10 +28,10 @@ const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 const DEFAULT_DETECTIONS_ERROR_DB: f64 = -40.0;
 
 /// Error bound of an embedded module's maps for this product, dB: `given`, or the default.
-pub(crate) fn module_error_db(given: Option<f64>, sent: Sent) -> f64 {
-    given.unwrap_or(match sent {
-        Sent::Maps | Sent::Image => DEFAULT_MAPS_ERROR_DB,
-        Sent::Detections => DEFAULT_DETECTIONS_ERROR_DB,
+pub(crate) fn module_error_db(given: Option<f64>, product: ModuleProduct) -> f64 {
+    given.unwrap_or(match product {
+        ModuleProduct::Maps | ModuleProduct::Image => DEFAULT_MAPS_ERROR_DB,
+        ModuleProduct::Detections => DEFAULT_DETECTIONS_ERROR_DB,
     })
 }
 

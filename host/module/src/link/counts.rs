@@ -159,17 +159,19 @@ impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let seconds = self.seconds.max(1e-3);
         let kilobytes = |bytes: u64| bytes as f64 / seconds / 1e3;
-        writeln!(
-            f,
-            "maps      {} of {} received, {} of them in repeated runs; {} lost on the link, {} duplicates, {} \
-             not as requested",
-            self.maps_taken,
-            self.maps_wanted,
-            self.maps_fetched_again,
-            self.maps_lost,
-            self.maps_repeated,
-            self.maps_refused
-        )?;
+        if self.maps_wanted > 0 {
+            writeln!(
+                f,
+                "maps      {} of {} received, {} of them in repeated runs; {} lost on the link, {} duplicates, {} \
+                 not as requested",
+                self.maps_taken,
+                self.maps_wanted,
+                self.maps_fetched_again,
+                self.maps_lost,
+                self.maps_repeated,
+                self.maps_refused
+            )?;
+        }
         writeln!(
             f,
             "pulses    {} sent in {} runs, {} of them repeated, {} not sent for lack of time; {} clamped samples",

@@ -6,7 +6,7 @@
 //!
 //! Antennas of pulses that are not simultaneous (time-multiplexed transmitters) are moved to the time of the first channel, by their motion to the channel's next pulse.
 
-use crate::Array;
+use crate::{Array, Pose};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Channels, PhaseHistory, Pulse};
@@ -136,6 +136,14 @@ impl Arrangement {
         let mut order: Vec<usize> = (0..self.of_channels.len()).collect();
         order.sort_by_key(|&c| self.of_channels[c]);
         order
+    }
+
+    /// Position of the origin in metres and attitude, both in the scene frame, of a pose whose track begins with this arrangement.
+    pub fn in_scene(&self, pose: &Pose) -> (DVec3, DQuat) {
+        (
+            self.origin_m + self.attitude * pose.at_m.extend(0.0),
+            self.attitude * DQuat::from_rotation_z(pose.heading_rad),
+        )
     }
 
     /// The array in its plane, with the wavelength at `middle_hz`.

@@ -23,6 +23,7 @@ mod detection;
 pub mod echo;
 pub mod fault;
 pub mod follow;
+mod for_module;
 pub mod live;
 mod profile;
 mod recover;

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{EnumValueParser, TypedValueParser};
 use clap::{ArgGroup, Args as Group, Subcommand, ValueHint};
 use subaperture::geometry::ImageGrid;
+use subaperture::module::plan::ModuleProduct;
 use subaperture::radar::PulseShape;
 use subaperture::units::Dimension;
 
@@ -15,6 +17,14 @@ use super::{Imaging, Input, Sent, Writing};
 pub(crate) struct Plan {
     #[command(subcommand)]
     pub(crate) target: PlanTarget,
+}
+
+/// Product of a module for which maps are planned.
+fn planned() -> impl TypedValueParser<Value = ModuleProduct> {
+    EnumValueParser::<Sent>::new().try_map(|sent| {
+        let fault = "expected maps, image or detections: other products need no plan";
+        sent.planned().ok_or(fault)
+    })
 }
 
 /// Subject of a plan.
@@ -86,8 +96,8 @@ pub(crate) struct PlanModule {
     pub(crate) error_db: Option<f64>,
 
     /// Product that the module sends, as for link
-    #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
-    pub(crate) send: Sent,
+    #[arg(long, value_name = "PRODUCT", default_value = "maps", value_parser = planned())]
+    pub(crate) send: ModuleProduct,
 
     /// Plan for 16-bit fixed point [default: float32]
     #[arg(long)]

@@ -13,13 +13,14 @@ use subaperture::focus::forecast::Forecast;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::OutputClaims;
-use subaperture::io::ours::{Kind, TEXT_MARK};
-use subaperture::io::phase_csv;
+use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::io::{phase_csv, track_csv};
 use subaperture::phase_history::{Collection, Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast::{cost, forecast_of};
 use subaperture::plot::{self, Panel, Scale};
+use subaperture::track::Fix;
 
 use crate::ahead::Ahead;
 use crate::args::{self, Autofocus};
@@ -246,14 +247,13 @@ fn file(collection: &Collection, correction: &Correction) -> String {
     match correction {
         Correction::Phase { error_rad } => phase_csv::text(error_rad),
         Correction::Track { displacement_m } => {
-            let mut text = format!("# {TEXT_MARK}\ntime_s,x_m,y_m,z_m\n");
             let pulses = collection.pulses.iter().take(collection.num_turns());
-            for (pulse, moved_m) in pulses.zip(displacement_m) {
-                let at_m = 0.5 * (pulse.transmitter_m + pulse.receiver_m) + *moved_m;
-                writeln!(text, "{},{},{},{}", pulse.time_s, at_m.x, at_m.y, at_m.z)
-                    .expect("text grows");
-            }
-            text
+            let fixes = pulses.zip(displacement_m).map(|(pulse, moved_m)| Fix {
+                time_s: pulse.time_s,
+                position_m: 0.5 * (pulse.transmitter_m + pulse.receiver_m) + *moved_m,
+                attitude: None,
+            });
+            track_csv::text(&fixes.collect::<Vec<_>>())
         }
     }
 }

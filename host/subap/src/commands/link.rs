@@ -1,9 +1,11 @@
-//! `subap link`: send recordings to the embedded module and store its maps or its image.
+//! `subap link`: send recordings to the embedded module and store its products.
 
 mod detect;
 mod image;
+mod increments;
 mod outcome;
 mod picture;
+mod profiles;
 mod receiving;
 mod work;
 
@@ -24,16 +26,22 @@ use crate::args::{Link, Sent};
 use crate::config::Session;
 use crate::failure::Usage;
 
-/// Let the module compute the maps. Maps received are kept in any case.
+/// Let the module compute the product, and store it. What was received is kept in any case.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
     check_options(typed)?;
+    let Some(product) = typed.send.planned() else {
+        return match typed.send {
+            Sent::Profiles => profiles::run(session, typed, start),
+            _ => increments::run(session, typed, start),
+        };
+    };
     typed.input.refuse_several("a module")?;
     let mut claims = session.claims(&typed.writing, &typed.input.files);
-    match typed.send {
-        Sent::Maps => claims.file(&typed.out, Kind::Maps)?,
-        Sent::Image => claims.folder(&typed.out, product::NAMES)?,
-        Sent::Detections => claims.file(&typed.out, Kind::Text)?,
+    match product {
+        ModuleProduct::Maps => claims.file(&typed.out, Kind::Maps)?,
+        ModuleProduct::Image => claims.folder(&typed.out, product::NAMES)?,
+        ModuleProduct::Detections => claims.file(&typed.out, Kind::Text)?,
     }
     if let Some(picture) = &typed.picture {
         claims.file(picture, Kind::Picture).context("--picture")?;
@@ -43,16 +51,39 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let survey = Survey::of(collection).context("the input holds no pulses")?;
     let grid = session.grid(typed.grid.as_ref(), &survey)?;
     session.check_grid(&grid, 1)?;
-    ModuleProduct::from(typed.send)
-        .check_grid(&grid)
-        .context("--send image")?;
-    if typed.send == Sent::Image {
+    product.check_grid(&grid).context("--send image")?;
+    if product == ModuleProduct::Image {
         Product::prepare(&typed.out, grid.num_pixels())?;
     }
+    with_module(session, typed, collection.num_samples, |module, watch| {
+        let identity = module.identity().clone();
+        let plan = plan(session, typed, collection, &grid, &identity, product)?;
+        let work = Work::new(session, typed, &history, &grid, &plan, product);
+        let mut job = work.job()?;
+        if typed.rehearsal.dry_run {
+            return work.rehearse(module, &job, watch);
+        }
+        match product {
+            ModuleProduct::Maps => {
+                let run = work.run(&survey.name, &identity, &job)?;
+                work.transfer(module, &run, &mut job, watch, start)
+            }
+            ModuleProduct::Image => work.accumulate(module, &survey, &mut job, watch, start),
+            ModuleProduct::Detections => work.detect(module, &mut job, watch, start),
+        }
+    })
+}
 
+/// Open the line to the module and a session on it, whose longest frames contain `num_samples` samples.
+fn with_module<T>(
+    session: &Session,
+    typed: &Link,
+    num_samples: usize,
+    task: impl FnOnce(&mut link::Session<'_>, &mut Watching) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
     let verbose = session.verbosity() > 0;
     let mut transport = link::open(&typed.place, typed.firmware.as_deref(), verbose)?;
-    let settings = settings(typed, transport.baud(), collection.num_samples);
+    let settings = settings(typed, transport.baud(), num_samples);
     let mut watch = Watching {
         bar: session.progress("linking"),
         verbose,
@@ -61,33 +92,29 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let mut buffers = Buffers::new();
     let mut module = link::Session::open(&mut *transport, &mut buffers, settings, &mut watch)
         .with_context(|| format!("{}", typed.place))?;
-    let identity = module.identity().clone();
-    session.note(1, || format!("{} at {}", identity.version, typed.place));
-
-    let plan = plan(session, typed, collection, &grid, &identity)?;
-    let work = Work::new(session, typed, &history, &grid, &plan);
-    let mut job = work.job()?;
-    if typed.rehearsal.dry_run {
-        return work.rehearse(&mut module, &job, &mut watch);
-    }
-    match typed.send {
-        Sent::Maps => {
-            let run = work.run(&survey.name, &identity, &job)?;
-            work.transfer(&mut module, &run, &mut job, &mut watch, start)
-        }
-        Sent::Image => work.accumulate(&mut module, &survey, &mut job, &mut watch, start),
-        Sent::Detections => work.detect(&mut module, &mut job, &mut watch, start),
-    }
+    session.note(1, || {
+        format!("{} at {}", module.identity().version, typed.place)
+    });
+    task(&mut module, &mut watch)
 }
 
 /// Check that options suit the product, and that a program is given only for an emulated module.
 fn check_options(typed: &Link) -> Result<(), Usage> {
-    let sent = ModuleProduct::from(typed.send).name();
-    let false_alarms = typed.false_alarms.is_some();
+    const PLANNED: &[&str] = &["maps", "image", "detections"];
+    let sent = typed.send.name();
     for (option, given, expected) in [
         ("--picture", typed.picture.is_some(), &["maps"][..]),
         ("--verify", typed.verify, &["maps", "image"]),
-        ("--false-alarms", false_alarms, &["detections"]),
+        (
+            "--false-alarms",
+            typed.false_alarms.is_some(),
+            &["detections"],
+        ),
+        ("--range", typed.range.is_some(), &["increments"]),
+        ("--grid", typed.grid.is_some(), PLANNED),
+        ("--error-db", typed.error_db.is_some(), PLANNED),
+        ("--rate", typed.rate.is_some(), PLANNED),
+        ("--dry-run", typed.rehearsal.dry_run, PLANNED),
     ] {
         if given && !expected.contains(&sent) {
             return Err(Usage(format!(

@@ -24,7 +24,7 @@ const PLOTS: [&str; 2] = ["profile.png", "waterfall.png"];
 /// Dynamic range of the pictures, dB.
 const SPAN_DB: f64 = 60.0;
 /// Maximum number of rows of a waterfall; of more sweeps, some are skipped.
-const MAX_ROWS: usize = 512;
+pub(super) const MAX_ROWS: usize = 512;
 /// Maximum number of range cells in a waterfall: 256 MiB.
 const MAX_CELLS: usize = 1 << 26;
 /// Maximum number of range cells per resolution cell: 64 MiB for 65536 carriers.
@@ -238,14 +238,25 @@ fn waterfall(
         }
     }
     progress.finish();
+    let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
+    let rows = axis(shown[0] as f64, stride as f64, shown.len());
+    drawn(&values, rows, axis(0.0, spacing_m, places), setup.name)
+}
+
+/// Picture of levels in dB over sweeps and ranges; not finite ones are left blank.
+pub(super) fn drawn(
+    values: &[f32],
+    rows: Axis,
+    columns: Axis,
+    title: String,
+) -> anyhow::Result<Vec<u8>> {
     let finite = values.iter().copied().filter(|db| db.is_finite());
     let top = f64::from(finite.fold(-3000f32, f32::max));
-    let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
     Ok(heat(&HeatMap {
-        values: &values,
-        rows: axis(shown[0] as f64, stride as f64, shown.len()),
-        columns: axis(0.0, spacing_m, places),
-        title: setup.name,
+        values,
+        rows,
+        columns,
+        title,
         across_label: "range (m)".to_owned(),
         up_label: "sweep".to_owned(),
         unit: "dB".to_owned(),

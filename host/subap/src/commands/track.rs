@@ -39,19 +39,8 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &inputs);
     claims.file(&typed.out, Kind::Text)?;
     claims.file(&picture, Kind::Picture)?;
-    let options = Options {
-        channel: None,
-        memory_bytes: session.memory_bytes,
-        settings: &typed.set,
-        inference: Some(INFERENCE),
-    };
-    let reading = session.progress("reading");
-    let channels = open_channels(&typed.input, typed.tracking.channels.named(), &options)?;
-    reading.finish();
-    for warning in channels.channel(0).warnings() {
-        messages::warning(warning);
-    }
-    note_inferred(channels.channel(0));
+    let named = typed.tracking.channels.named();
+    let channels = open(session, &typed.input, named, &typed.set)?;
     let name = channels.channel(0).collection().name.clone();
     let defaults = Settings::default();
     let mut settings = Settings {
@@ -79,6 +68,29 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     files.write_bytes(&picture, FileKind::Picture, &drawn)?;
     let files = files.commit()?;
     report(session, typed, (&picture, &files), &found, both.as_ref())
+}
+
+/// Open the channels of a recording, all or those named, and report what was inferred.
+pub(super) fn open(
+    session: &Session,
+    input: &Path,
+    named: Option<&[String]>,
+    set: &[(String, String)],
+) -> anyhow::Result<Channels<'static>> {
+    let options = Options {
+        channel: None,
+        memory_bytes: session.memory_bytes,
+        settings: set,
+        inference: Some(INFERENCE),
+    };
+    let reading = session.progress("reading");
+    let channels = open_channels(input, named, &options)?;
+    reading.finish();
+    for warning in channels.channel(0).warnings() {
+        messages::warning(warning);
+    }
+    note_inferred(channels.channel(0));
+    Ok(channels)
 }
 
 /// The track's file name with the extension of a picture.

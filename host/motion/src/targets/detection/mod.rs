@@ -217,7 +217,14 @@ pub fn detect_targets(
     Ok(seen)
 }
 
-fn profiler_of(channels: &Channels, settings: &Settings) -> Result<Profiler, TargetsError> {
+/// Profiler of a recording, whose channels and pulses must have one band.
+///
+/// # Errors
+/// Different bands, too few samples, invalid settings.
+pub(crate) fn profiler_of(
+    channels: &Channels,
+    settings: &Settings,
+) -> Result<Profiler, TargetsError> {
     let first = channels.channel(0).collection();
     let band = first.band().ok_or(TargetsError::Band)?;
     let alike = |history: &dyn PhaseHistory| {

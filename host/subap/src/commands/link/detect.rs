@@ -11,7 +11,7 @@ use subaperture::module::detections::{LocatedDetection, Locator};
 use subaperture::module::link::{self, DetectionSink, Job, SinkError};
 use subaperture_core::cfar::{Cfar, Detection, TrainingWindow};
 
-use super::outcome::Received;
+use super::outcome::{Received, report};
 use super::receiving::Watching;
 use super::work::Work;
 use crate::interrupt;
@@ -99,7 +99,7 @@ impl Work<'_> {
             compared: None,
             files,
         };
-        self.report(&outcome, &received, start)
+        report(self.session, self.typed, &outcome, &received, start)
     }
 }
 

@@ -15,7 +15,7 @@ use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link::ChipGrid;
 
-use super::outcome::{Received, verified_record};
+use super::outcome::{Received, report, verified_record};
 use super::receiving::Watching;
 use super::work::Work;
 use crate::commands::forming;
@@ -80,7 +80,7 @@ impl<'w> Work<'w> {
             compared,
             files,
         };
-        self.report(&outcome, &received, start)
+        report(self.session, self.typed, &outcome, &received, start)
     }
 
     /// Check that the image is bit-identical to that of the core on this computer.

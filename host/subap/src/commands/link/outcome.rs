@@ -8,9 +8,8 @@ use subaperture::io::written::WrittenFile;
 use subaperture::module::link::{Job, LinkError, Outcome, TransferEnd};
 use subaperture::module::maps::RunTotals;
 
-use super::work::Work;
-use crate::args::Sent;
-use crate::config::record_of_run;
+use crate::args::{Link, Sent};
+use crate::config::{Session, record_of_run};
 use crate::failure::InterruptedLink;
 use crate::{advice, text};
 
@@ -25,88 +24,85 @@ pub(super) struct Received {
     pub(super) files: Vec<WrittenFile>,
 }
 
-impl Work<'_> {
-    /// Report the outcome. It is an error unless everything was received, so that scripts do not use an incomplete
-    /// aperture unnoticed.
-    pub(super) fn report(
-        &self,
-        outcome: &Outcome,
-        received: &Received,
-        start: Instant,
-    ) -> anyhow::Result<()> {
-        let Self { session, typed, .. } = *self;
-        let Outcome {
-            counts,
-            missing,
-            ending,
-        } = outcome;
-        let path = typed.out.display();
-        let ratio = counts.down_up_ratio();
-        let (taken, compared) = (start.elapsed(), received.compared);
-        if session.json() {
-            let mut report = json!({
-                "ending": ending_name(outcome, compared),
-                "counters": counts.to_json(),
-                "down_up_ratio": ratio,
-                "verified": verified_record(compared),
-                "run": record_of_run(session, taken),
-                "files": received.files,
-            });
-            for (name, number) in &received.numbers {
-                report[name] = json!(number);
-            }
-            text::say_json("link", report)?;
-        } else if let Some(content) = &received.content {
-            if session.prints_text() {
-                let taken = text::duration(taken);
-                text::say(format!(
-                    "{path}: {content} in {taken}\n{counts}\n\
-                     ratio     {ratio:.4} bytes from the module for each byte to it"
-                ))?;
-            }
-            if let Some((same, different)) = compared {
-                let unit = match typed.send {
-                    Sent::Image => "pixels",
-                    Sent::Maps | Sent::Detections => "maps",
-                };
-                text::say(format!(
-                    "verified  {same} {unit} bit-identical to the core on this computer, {different} not"
-                ))?;
-            }
+/// Report the outcome. It is an error unless everything was received, so that scripts do not use an incomplete
+/// aperture unnoticed.
+pub(super) fn report(
+    session: &Session,
+    typed: &Link,
+    outcome: &Outcome,
+    received: &Received,
+    start: Instant,
+) -> anyhow::Result<()> {
+    let Outcome {
+        counts,
+        missing,
+        ending,
+    } = outcome;
+    let path = typed.out.display();
+    let ratio = counts.down_up_ratio();
+    let (taken, compared) = (start.elapsed(), received.compared);
+    if session.json() {
+        let mut report = json!({
+            "ending": ending_name(outcome, compared),
+            "counters": counts.to_json(),
+            "down_up_ratio": ratio,
+            "verified": verified_record(compared),
+            "run": record_of_run(session, taken),
+            "files": received.files,
+        });
+        for (name, number) in &received.numbers {
+            report[name] = json!(number);
         }
-        if let Some((_, different @ 1..)) = compared {
-            bail!(
-                "{different} maps differ from those of the core on this computer and were left out: is the firmware of this \
-                 version?"
-            );
+        text::say_json("link", report)?;
+    } else if let Some(content) = &received.content {
+        if session.prints_text() {
+            let taken = text::duration(taken);
+            text::say(format!(
+                "{path}: {content} in {taken}\n{counts}\n\
+                 ratio     {ratio:.4} bytes from the module for each byte to it"
+            ))?;
         }
-        let kept = received.content.as_ref();
-        let kept = kept.map(|content| format!("{content} are in {path}"));
-        let files = kept.as_deref().unwrap_or("no file was written");
-        match ending {
-            TransferEnd::Complete => Ok(()),
-            TransferEnd::Incomplete => bail!(
-                "{}: {}; {files}",
-                match missing.len() {
-                    0 => "parts of the image are missing".to_owned(),
-                    count => format!("{count} of {} maps are missing", counts.maps_wanted),
-                },
-                match typed.rate {
-                    Some(_) => "module or line are too slow for this --rate",
-                    None => "the line loses too many frames: raise --retries",
-                }
-            ),
-            TransferEnd::Failed(LinkError::Cancelled) => Err(match kept {
-                Some(kept) => InterruptedLink(kept).into(),
-                None => LinkError::Cancelled.into(),
-            }),
-            TransferEnd::Failed(error) => {
-                bail!("{}; {files}", advice::with_advice(error))
+        if let Some((same, different)) = compared {
+            let unit = match typed.send {
+                Sent::Image => "pixels",
+                _ => "maps",
+            };
+            text::say(format!(
+                "verified  {same} {unit} bit-identical to the core on this computer, {different} not"
+            ))?;
+        }
+    }
+    if let Some((_, different @ 1..)) = compared {
+        bail!(
+            "{different} maps differ from those of the core on this computer and were left out: is the firmware of this \
+             version?"
+        );
+    }
+    let kept = received.content.as_ref();
+    let kept = kept.map(|content| format!("{content} are in {path}"));
+    let files = kept.as_deref().unwrap_or("no file was written");
+    match ending {
+        TransferEnd::Complete => Ok(()),
+        TransferEnd::Incomplete => bail!(
+            "{}: {}; {files}",
+            match missing.len() {
+                0 => "parts of the image are missing".to_owned(),
+                count => format!("{count} of {} maps are missing", counts.maps_wanted),
+            },
+            match typed.rate {
+                Some(_) => "module or line are too slow for this --rate",
+                None => "the line loses too many frames: raise --retries",
             }
+        ),
+        TransferEnd::Failed(LinkError::Cancelled) => Err(match kept {
+            Some(kept) => InterruptedLink(kept).into(),
+            None => LinkError::Cancelled.into(),
+        }),
+        TransferEnd::Failed(error) => {
+            bail!("{}; {files}", advice::with_advice(error))
         }
     }
 }
-
 /// Closing record of the file.
 pub(super) fn closing(
     outcome: &Outcome,

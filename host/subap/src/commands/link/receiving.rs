@@ -53,9 +53,11 @@ impl SessionObserver for Watching {
         let rate = |now: u64, before: u64| (now - before) as f64 / passed_s / 1e3;
         let damaged = counts.frames_from_module.damaged + counts.frames_to_module.damaged;
         self.bar.set_label(format!(
-            "{} of {} maps, {:.0} kB/s sent, {:.0} kB/s received, {damaged} damaged frames, {} lost maps",
-            counts.maps_done(),
-            counts.maps_wanted,
+            "{}, {:.0} kB/s sent, {:.0} kB/s received, {damaged} damaged frames, {} lost maps",
+            match counts.maps_wanted {
+                0 => format!("{} pulses", counts.pulses_sent),
+                wanted => format!("{} of {wanted} maps", counts.maps_done()),
+            },
             rate(bytes_out, before_out),
             rate(bytes_in, before_in),
             counts.maps_lost

@@ -11,15 +11,15 @@ use subaperture::module::link::{self, HostCore, Identity, Job, PulseSource, Requ
 use subaperture::module::maps::{Arithmetic, Run};
 use subaperture::module::maps_file as maps;
 use subaperture::module::maps_file::{MAX_MAPS, MapWriter};
-use subaperture::module::plan::{ModuleCapacity, ModulePlan, Requirements};
+use subaperture::module::plan::{ModuleCapacity, ModulePlan, ModuleProduct, Requirements};
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture_core::link as wire;
 
-use super::outcome::{Received, closing};
+use super::outcome::{Received, closing, report};
 use super::picture::Picture;
 use super::receiving::{Keep, Watching};
 use crate::ahead::Ahead;
-use crate::args::{Link, Sent};
+use crate::args::Link;
 use crate::commands::plan::gaps;
 use crate::config::{Session, module_error_db, record_of_run};
 use crate::{interrupt, messages};
@@ -32,15 +32,16 @@ pub(super) fn plan(
     collection: &Collection,
     grid: &ImageGrid,
     identity: &Identity,
+    product: ModuleProduct,
 ) -> anyhow::Result<ModulePlan> {
     let requirements = Requirements {
-        error_db: module_error_db(typed.error_db, typed.send),
+        error_db: module_error_db(typed.error_db, product),
         room: ModuleCapacity::Built(identity.capacity),
         arithmetic: match identity.arithmetic {
             wire::Arithmetic::Float => Arithmetic::Float,
             wire::Arithmetic::Fixed => Arithmetic::Fixed,
         },
-        product: typed.send.into(),
+        product: product,
     };
     let plan = ModulePlan::new(collection, grid, &requirements)?;
     session.note(1, || {
@@ -56,7 +57,7 @@ pub(super) fn plan(
         session.note(1, || format!("track: {gaps}"));
     }
     let num_maps = plan.num_maps();
-    if typed.send == Sent::Maps && num_maps > MAX_MAPS {
+    if product == ModuleProduct::Maps && num_maps > MAX_MAPS {
         bail!(
             "expected at most {MAX_MAPS} maps per file, found {num_maps}: give a smaller --grid, or link the \
              recordings one by one"
@@ -72,6 +73,7 @@ pub(super) struct Work<'w> {
     pub(super) history: &'w dyn PhaseHistory,
     pub(super) grid: &'w ImageGrid,
     pub(super) plan: &'w ModulePlan,
+    product: ModuleProduct,
     /// Weights by frequency; they sum to 1.
     fast_weights: Vec<f32>,
     slow_weights: Vec<f64>,
@@ -84,6 +86,7 @@ impl<'w> Work<'w> {
         history: &'w dyn PhaseHistory,
         grid: &'w ImageGrid,
         plan: &'w ModulePlan,
+        product: ModuleProduct,
     ) -> Self {
         let weights = Weights::new(
             history.collection(),
@@ -97,6 +100,7 @@ impl<'w> Work<'w> {
             history,
             grid,
             plan,
+            product,
             fast_weights: weights.fast.iter().map(|w| (w / fast_sum) as f32).collect(),
             slow_weights: weights.slow,
         }
@@ -121,10 +125,10 @@ impl<'w> Work<'w> {
     ) -> anyhow::Result<()> {
         let Self { typed, plan, .. } = *self;
         let chips;
-        let request = match typed.send {
-            Sent::Maps => Request::Maps,
-            Sent::Detections => Request::Detections(self.cfar()),
-            Sent::Image => {
+        let request = match self.product {
+            ModuleProduct::Maps => Request::Maps,
+            ModuleProduct::Detections => Request::Detections(self.cfar()),
+            ModuleProduct::Image => {
                 chips = self.chips(module.identity())?;
                 Request::Image(&chips)
             }
@@ -137,13 +141,13 @@ impl<'w> Work<'w> {
             job.pulses.len(),
             typed.place
         );
-        let file_bytes = match typed.send {
-            Sent::Maps => {
+        let file_bytes = match self.product {
+            ModuleProduct::Maps => {
                 maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, plan.arithmetic)
             }
-            Sent::Image => npy::file_bytes(self.grid.num_pixels()),
+            ModuleProduct::Image => npy::file_bytes(self.grid.num_pixels()),
             // A few detections a map.
-            Sent::Detections => 1000 * plan.num_maps(),
+            ModuleProduct::Detections => 1000 * plan.num_maps(),
         };
         let picture_bytes = match &typed.picture {
             Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),
@@ -219,7 +223,7 @@ impl<'w> Work<'w> {
             compared,
             files,
         };
-        self.report(&outcome, &received, start)?;
+        report(self.session, typed, &outcome, &received, start)?;
         if let Some(drawn) = drawn {
             let left_out = drawn?;
             if left_out > 0 {
@@ -241,7 +245,7 @@ impl<'w> Work<'w> {
             run,
             self.grid,
             self.plan.patches.len(),
-            module_error_db(self.typed.error_db, Sent::Maps),
+            module_error_db(self.typed.error_db, ModuleProduct::Maps),
             self.session.memory_bytes,
         );
         let title = run.name.clone();
@@ -274,7 +278,7 @@ impl<'w> Work<'w> {
             },
             "inputs": history.inputs()?,
             "grid": grid_record(grid),
-            "error_db": module_error_db(typed.error_db, Sent::Maps),
+            "error_db": module_error_db(typed.error_db, ModuleProduct::Maps),
             "predicted_error_db": plan.predicted_db,
             "slow_window": typed.windows.slow_window.to_string(),
             "rate_hz": typed.rate,

@@ -27,7 +27,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         } else {
             Arithmetic::Float
         },
-        product: typed.send.into(),
+        product: typed.send,
     };
     let planning = session.progress("planning");
     let plan = ModulePlan::new(history.collection(), &grid, &requirements)?;
