@@ -86,6 +86,30 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             vec!["--false-alarms"],
         ),
         (
+            "link emulate a.cphd -o a.maps --range 1m:9m",
+            2,
+            vec!["--range", "expected --send increments, found --send maps"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send increments --grid x=0:1:1,y=0:1:1",
+            2,
+            vec![
+                "--grid",
+                "maps or image or detections",
+                "found --send increments",
+            ],
+        ),
+        (
+            "link emulate a.cphd a.cphd -o profiles --send profiles",
+            2,
+            vec!["--send profiles: expected one capture"],
+        ),
+        (
+            "plan module a.cphd --ram 512K --send increments",
+            2,
+            vec!["expected maps, image or detections"],
+        ),
+        (
             "link emulate a.cphd -o a.maps --error-db 3",
             2,
             vec!["--error-db"],

@@ -3,6 +3,7 @@
 mod budgets;
 mod cli_link;
 mod cli_link_image;
+mod cli_products;
 mod detections;
 mod emulated;
 mod golden;
