@@ -243,14 +243,9 @@ impl Sent {
     }
 
     /// Name of the product.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Maps => "maps",
-            Self::Detections => "detections",
-            Self::Image => "image",
-            Self::Increments => "increments",
-            Self::Profiles => "profiles",
-        }
+    pub(crate) fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
     }
 }
 

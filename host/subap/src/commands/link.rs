@@ -116,7 +116,7 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
         ("--rate", typed.rate.is_some(), PLANNED),
         ("--dry-run", typed.rehearsal.dry_run, PLANNED),
     ] {
-        if given && !expected.contains(&sent) {
+        if given && !expected.contains(&&*sent) {
             return Err(Usage(format!(
                 "{option}: expected --send {}, found --send {sent}: leave {option} out, or change --send",
                 expected.join(" or ")

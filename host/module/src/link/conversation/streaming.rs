@@ -26,6 +26,9 @@ impl Clock {
     }
 }
 
+/// Largest number of times that the time between two requests for the status is doubled.
+const MAX_DOUBLINGS: u32 = 3;
+
 /// Progress of the pulses of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream {
@@ -40,8 +43,8 @@ pub(super) struct Stream {
     pub(super) last_status: Status,
     /// Time of the last progress.
     moved: Instant,
-    /// Whether the module was asked for its status since.
-    asked: bool,
+    /// Number of times that the module was asked for its status since.
+    asked: u32,
 }
 
 /// Progress reported by a status.
@@ -65,7 +68,7 @@ impl Stream {
             limit: pulses.start,
             last_status,
             moved: now,
-            asked: false,
+            asked: 0,
         }
     }
 
@@ -99,7 +102,7 @@ impl Stream {
         let place = |status: &Status| (status.next_pulse, status.accept_through, status.maps);
         let progress = if place(&status) != place(&self.last_status) {
             Progress::On
-        } else if self.asked && status.next_pulse < self.next && !paced {
+        } else if self.asked > 0 && status.next_pulse < self.next && !paced {
             // It answered after the last pulse but expects an earlier one.
             let behind = self.next - status.next_pulse;
             self.next = status.next_pulse.max(self.first);
@@ -108,7 +111,7 @@ impl Stream {
             Progress::None
         };
         if progress != Progress::None {
-            (self.moved, self.asked) = (now, false);
+            (self.moved, self.asked) = (now, 0);
         }
         self.last_status = status;
         progress
@@ -119,11 +122,13 @@ impl Stream {
         self.moved = now;
     }
 
-    /// Whether to ask the module for its status after this much silence. Counts as asked.
+    /// Whether to ask the module for its status after this much silence, each time twice as much: a busy module would spend more bytes
+    /// on answers than on products. Counts as asked.
     pub(super) fn should_ask(&mut self, patience: Duration, now: Instant) -> bool {
+        let patience = patience * (1 << self.asked.min(MAX_DOUBLINGS));
         let ask = now.saturating_duration_since(self.moved) > patience;
         if ask {
-            (self.moved, self.asked) = (now, true);
+            (self.moved, self.asked) = (now, self.asked + 1);
         }
         ask
     }
