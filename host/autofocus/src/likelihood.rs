@@ -22,8 +22,8 @@ use subaperture_signal::phase::cis;
 
 use super::split::Half;
 
-/// Neighbourhoods: cross-range cells and range cells on either side.
-const NEIGHBOURS: [(usize, usize); 2] = [(1, 0), (2, 1)];
+/// Neighbourhoods: half cross-range cells and range cells on either side.
+const NEIGHBOURS: [(usize, usize); 2] = [(2, 0), (4, 1)];
 
 /// Fraction of the mean power added to each cell: differences below it do not count, as such cells contain noise and side lobes.
 const FLOOR: f64 = 0.1;
@@ -54,7 +54,8 @@ pub(crate) struct Texture<'a> {
 impl<'a> Texture<'a> {
     /// Likelihood of these rows, ordered by strip and range cell; tiles are `cells` cross-range cells wide.
     pub(crate) fn new(rows: Vec<&'a TileRow>, turns: usize, cells: f64) -> Self {
-        let length = fast_length(turns);
+        // Half cells: the power of a point between two cells would depend on its position.
+        let length = fast_length(2 * turns);
         let cells = (cells * length as f64 / turns as f64).round() as usize;
         Self {
             rows,

@@ -27,9 +27,9 @@ const STEPS: usize = 40;
 const STILL: f64 = 1e-7;
 
 /// Accepted loss of a curve with fewer coefficients against the best one, standard errors.
-const STANDARD_ERRORS: f64 = 0.5;
+const STANDARD_ERRORS: f64 = 1.0;
 
-/// Required gain over no correction, standard errors.
+/// Required gain over no correction, and over a quadratic, the commonest error, standard errors.
 const SURE_ERRORS: f64 = 2.0;
 
 /// Smallest magnitude of the mean phasor of phase differences at which two estimates agree.
@@ -107,8 +107,14 @@ pub(crate) fn estimate(
         pairs.push((pair, Curves::new(turns, turns)));
     }
     let best = least_of(&after)?;
-    // The curve with the fewest coefficients that equals the best within the standard error.
-    let chosen = (0..after.len()).find(|&i| !is_worse(&after[i], &after[best], STANDARD_ERRORS))?;
+    // The curve with the fewest coefficients that equals the best within the accepted loss. Index 1 is the quadratic.
+    let chosen = (0..after.len()).find(|&i| {
+        let accepted = match i {
+            0 | 1 => SURE_ERRORS,
+            _ => STANDARD_ERRORS,
+        };
+        !is_worse(&after[i], &after[best], accepted)
+    })?;
     if chosen == 0 || !is_worse(&after[0], &after[chosen], SURE_ERRORS) {
         return None;
     }
