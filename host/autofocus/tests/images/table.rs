@@ -116,8 +116,8 @@ fn noise_is_not_sharper_on_held_out_data() {
     assert!(found.held_out.is_some_and(|held_out| !held_out.sharper));
 }
 
-/// All scenes, errors and methods, with `SUBAPERTURE_SEEDS` seeds. Prints a Markdown table of each seed and of the rms over all seeds, by
-/// which the default must be no worse than the textbook and within 1.3 times the best method.
+/// All scenes, errors and methods, with `SUBAPERTURE_SEEDS` seeds. Prints a Markdown table of each seed and of the rms over all seeds.
+/// In rms, the default must be no worse than the textbook and within 1.3 times the best method.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn table_of_residual_phases() {
