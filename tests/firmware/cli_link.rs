@@ -100,6 +100,21 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             ],
         ),
         (
+            "link emulate a.cphd -o a.csv --send increments --channel 1",
+            2,
+            vec!["--channel", "found --send increments"],
+        ),
+        (
+            "link emulate a.cphd -o profiles --send profiles --channels all",
+            2,
+            vec!["--channels", "or increments, found --send profiles"],
+        ),
+        (
+            "link emulate a.cphd -o profiles --send profiles --slow-window none",
+            2,
+            vec!["--slow-window", "found --send profiles"],
+        ),
+        (
             "link emulate a.cphd a.cphd -o profiles --send profiles",
             2,
             vec!["--send profiles: expected one capture"],

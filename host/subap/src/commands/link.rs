@@ -18,6 +18,7 @@ use subaperture::module::link::{self, Buffers, ModuleAddress, Settings};
 use subaperture::module::plan::ModuleProduct;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
+use subaperture::signal::window::Window;
 use subaperture_core::link as wire;
 
 use self::receiving::Watching;
@@ -101,7 +102,9 @@ fn with_module<T>(
 /// Check that options suit the product, and that a program is given only for an emulated module.
 fn check_options(typed: &Link) -> Result<(), Usage> {
     const PLANNED: &[&str] = &["maps", "image", "detections"];
+    const RECORDING: &[&str] = &["maps", "image", "detections", "increments"];
     let sent = typed.send.name();
+    let other_slow_window = typed.windows.slow_window != Window::default();
     for (option, given, expected) in [
         ("--picture", typed.picture.is_some(), &["maps"][..]),
         ("--verify", typed.verify, &["maps", "image"]),
@@ -111,6 +114,10 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
             &["detections"],
         ),
         ("--range", typed.range.is_some(), &["increments"]),
+        ("--channel", typed.input.channel.is_some(), PLANNED),
+        ("--channels", typed.input.channels.is_some(), RECORDING),
+        ("--set", !typed.input.set.is_empty(), RECORDING),
+        ("--slow-window", other_slow_window, PLANNED),
         ("--grid", typed.grid.is_some(), PLANNED),
         ("--error-db", typed.error_db.is_some(), PLANNED),
         ("--rate", typed.rate.is_some(), PLANNED),
