@@ -196,3 +196,14 @@ pub struct Outcome {
     /// How the transfer ended.
     pub ending: TransferEnd,
 }
+
+impl Outcome {
+    /// Outcome of a run without maps.
+    pub fn without_maps(counts: Counts, ending: Result<(), LinkError>) -> Self {
+        Self {
+            counts,
+            missing: Vec::new(),
+            ending: ending.map_or_else(TransferEnd::Failed, |()| TransferEnd::Complete),
+        }
+    }
+}

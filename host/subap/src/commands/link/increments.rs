@@ -9,7 +9,7 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
 use subaperture::io::track_csv;
 use subaperture::io::written::{FileKind, WrittenFile};
-use subaperture::module::link::{self, MotionRun, Odometer, Outcome, TransferEnd};
+use subaperture::module::link::{self, MotionRun, Odometer, Outcome};
 use subaperture::motion::{Increment, longest_chain};
 use subaperture::phase_history::{Channels, PhaseHistory};
 use subaperture::targets::{Arrangement, Settings};
@@ -98,13 +98,7 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
         compared: None,
         files,
     };
-    let outcome = Outcome {
-        counts,
-        missing: Vec::new(),
-        ending: found
-            .ending
-            .map_or_else(TransferEnd::Failed, |()| TransferEnd::Complete),
-    };
+    let outcome = Outcome::without_maps(counts, found.ending);
     report(session, typed, &outcome, &received, start)
 }
 

@@ -4,14 +4,14 @@ use std::time::Instant;
 
 use anyhow::bail;
 use num_complex::{Complex, Complex32};
-use serde_json::json;
+use serde_json::{Value, json};
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::geometry::Axis;
 use subaperture::image::Image;
 use subaperture::io::npy;
 use subaperture::io::together::FileSet;
-use subaperture::io::written::FileKind;
-use subaperture::module::link::{Outcome, ProfileRun, SweepBurst, SweepSource, TransferEnd};
+use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::module::link::{Outcome, Profile, ProfileRun, SweepBurst, SweepSource};
 use subaperture::phase_history::ReadError;
 use subaperture::radio::Reference;
 use subaperture::radio::sigmf::{Recording, Setup};
@@ -23,7 +23,7 @@ use crate::args::Link;
 use crate::commands::profile::{MAX_ROWS, drawn};
 use crate::config::{Session, command_line, record_of_run};
 use crate::failure::Usage;
-use crate::{interrupt, messages};
+use crate::{interrupt, messages, text};
 
 /// Names in the output folder; the waterfall is drawn of two or more sweeps.
 const NAMES: [&str; 3] = ["profiles.npy", "profiles.json", "waterfall.png"];
@@ -41,7 +41,10 @@ impl Capture {
         let steps = recording.steps();
         let is_first = |&n: &usize| n == 0 || steps[n].sweep != steps[n - 1].sweep;
         let mut firsts: Vec<usize> = (0..steps.len()).filter(is_first).collect();
-        firsts.push(steps.len());
+        // The last sweep of a capture that was killed or is still running may be incomplete.
+        if !recording.interrupted() {
+            firsts.push(steps.len());
+        }
         Self {
             recording,
             firsts,
@@ -50,7 +53,7 @@ impl Capture {
     }
 
     fn num_sweeps(&self) -> usize {
-        self.firsts.len() - 1
+        self.firsts.len().saturating_sub(1)
     }
 }
 
@@ -99,7 +102,8 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
     let needed_bytes = (sweeps * bins * size_of::<Complex32>()) as u64;
     if needed_bytes > session.memory_bytes / 2 {
         bail!(
-            "{sweeps} profiles of {bins} values need {needed_bytes} bytes: raise --memory above twice that"
+            "{sweeps} profiles of {bins} values need {}: raise --memory above twice that",
+            text::bytes(needed_bytes.into())
         );
     }
     let window = typed.windows.window;
@@ -126,23 +130,9 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
         Ok((found, module.counts(), module.identity().version.clone()))
     })?;
 
-    let nothing = Complex32::new(f32::NAN, f32::NAN);
-    let mut pixels = Vec::with_capacity(profiles.len() * bins);
-    for profile in &profiles {
-        pixels.extend_from_slice(&profile.values);
-        pixels.resize(pixels.len() + bins - profile.values.len(), nothing);
-    }
-    let empty = profiles.iter().filter(|profile| profile.values.is_empty());
-    let empty: Vec<u32> = empty.map(|profile| profile.sweep).collect();
-    if let Some(first) = empty.first() {
-        messages::warning(format!(
-            "{} sweeps, the first of them {first}, have fewer than two thirds of their carriers: their rows are NaN",
-            empty.len()
-        ));
-    }
-    let spacing_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz * bins as f64);
     let (mut content, mut files) = (None, Vec::new());
     if !profiles.is_empty() {
+        let spacing_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz * bins as f64);
         let record = json!({
             "schema": "subaperture-profiles",
             "schema_version": 1,
@@ -161,27 +151,10 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
                 "samples_missing": profile.missing,
             })).collect::<Vec<_>>(),
         });
-        let image = Image {
-            rows: profiles.len(),
-            columns: bins,
-            pixels,
-        };
-        let path = |name: &str| typed.out.join(name);
-        let mut together = FileSet::new();
-        let bytes = npy::file_bytes(image.pixels.len() as u64);
-        together.write(&path(NAMES[0]), FileKind::Array, bytes, |file| {
-            npy::write_to(file, &image)
-        })?;
-        let text = serde_json::to_string_pretty(&record)? + "\n";
-        together.write_bytes(&path(NAMES[1]), FileKind::Record, text.as_bytes())?;
-        if image.rows > 1 {
-            let picture = waterfall(&image, spacing_m, &setup.name)?;
-            together.write_bytes(&path(NAMES[2]), FileKind::Picture, &picture)?;
-        }
-        files = together.commit()?;
+        files = write(typed, &profiles, &record, (bins, spacing_m), &setup.name)?;
         content = Some(format!(
             "{} profiles of {bins} values, {spacing_m:.3} m apart,",
-            image.rows
+            profiles.len()
         ));
     }
     let numbers = [
@@ -195,14 +168,59 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
         compared: None,
         files,
     };
-    let outcome = Outcome {
-        counts,
-        missing: Vec::new(),
-        ending: found
-            .ending
-            .map_or_else(TransferEnd::Failed, |()| TransferEnd::Complete),
-    };
+    let outcome = Outcome::without_maps(counts, found.ending);
     report(session, typed, &outcome, &received, start)
+}
+
+/// Write the profiles, NaN where a sweep has none, with their record and a waterfall.
+fn write(
+    typed: &Link,
+    profiles: &[Profile],
+    record: &Value,
+    (bins, spacing_m): (usize, f64),
+    name: &str,
+) -> anyhow::Result<Vec<WrittenFile>> {
+    let nothing = Complex32::new(f32::NAN, f32::NAN);
+    let mut pixels = Vec::with_capacity(profiles.len() * bins);
+    for profile in profiles {
+        pixels.extend_from_slice(&profile.values);
+        pixels.resize(pixels.len() + bins - profile.values.len(), nothing);
+    }
+    let empty = profiles.iter().filter(|profile| profile.values.is_empty());
+    let empty: Vec<u32> = empty.map(|profile| profile.sweep).collect();
+    if let Some(first) = empty.first() {
+        messages::warning(format!(
+            "{} sweeps, the first of them {first}, have fewer than two thirds of their carriers: their rows are NaN",
+            empty.len()
+        ));
+    }
+    let lacking = profiles.iter().filter(|profile| profile.missing > 0);
+    let lacking: Vec<u32> = lacking.map(|profile| profile.sweep).collect();
+    if let Some(first) = lacking.first() {
+        messages::warning(format!(
+            "{} sweeps, the first of them {first}, lack samples lost on the line: see samples_missing in {}",
+            lacking.len(),
+            NAMES[1]
+        ));
+    }
+    let image = Image {
+        rows: profiles.len(),
+        columns: bins,
+        pixels,
+    };
+    let [array, about, picture] = NAMES.map(|name| typed.out.join(name));
+    let mut files = FileSet::new();
+    let bytes = npy::file_bytes(image.pixels.len() as u64);
+    files.write(&array, FileKind::Array, bytes, |file| {
+        npy::write_to(file, &image)
+    })?;
+    let record = serde_json::to_string_pretty(record)? + "\n";
+    files.write_bytes(&about, FileKind::Record, record.as_bytes())?;
+    if image.rows > 1 {
+        let waterfall = waterfall(&image, spacing_m, name)?;
+        files.write_bytes(&picture, FileKind::Picture, &waterfall)?;
+    }
+    Ok(files.commit()?)
 }
 
 /// Settings of the module's profiler for a capture: two bins or more per resolution cell.
