@@ -82,9 +82,18 @@ fn profiles_of_a_capture_equal_those_of_the_host() {
         let example = run(at, &format!("capture --example {name}"));
         fs::write(at.join(file), example.succeeded()).unwrap();
     }
+    // The module receives the sweeps during the capture.
     let few = "--set plan.steps=16 --set plan.sweeps=2";
-    run(at, &format!("capture thesis.toml {few} -o walk")).succeeded();
+    let firmware = application()[0].display();
+    let line = format!(
+        "capture thesis.toml {few} -o walk --module emulate:float --firmware {firmware} --profiles live --json"
+    );
+    let captured: Value = serde_json::from_str(run(at, &line).succeeded()).unwrap();
+    assert_eq!(captured["files"].as_array().unwrap().len(), 5, "{captured}");
+
     let report = link(at, "walk.sigmf-meta --send profiles -o profiles");
+    let array = |folder: &str| fs::read(at.join(folder).join("profiles.npy")).unwrap();
+    assert!(array("live") == array("profiles"));
     assert_eq!(
         (&report["profiles"], &report["sweeps"]),
         (&2.into(), &2.into())

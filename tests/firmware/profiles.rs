@@ -14,6 +14,7 @@ fn module_profiles_are_bit_identical_to_core() {
     let mut scene = SweepScene::new(20, 64, 64);
     scene.lost = vec![(3, 10..14)];
     scene.left_out = vec![11];
+    scene.sweeps = 2;
     let mut module = Emulated::connected(&application()[0], Wire::Tcp, Begin::Reset);
     let mut buffers = Buffers::new();
     let settings = Settings {
@@ -26,7 +27,6 @@ fn module_profiles_are_bit_identical_to_core() {
     let mut task = ProfileRun {
         setup: scene.setup,
         weights: &weights,
-        sweeps: 2,
         source: &mut source,
     };
     let mut came = Vec::new();

@@ -36,7 +36,6 @@ fn over(faults: Faults, scene: &SweepScene) -> (Vec<Profile>, Profiles) {
     let mut task = ProfileRun {
         setup: scene.setup,
         weights: &weights,
-        sweeps: scene.sweeps,
         source: &mut source,
     };
     let mut came = Vec::new();
@@ -148,7 +147,6 @@ fn invalid_ranging_input_is_rejected() {
     let mut task = ProfileRun {
         setup: source.setup,
         weights: &[0.05; 9],
-        sweeps: 1,
         source: &mut source,
     };
     let reported = session.profiles(&mut task, &mut |_| panic!("no profile"), &mut Silent);
@@ -163,6 +161,10 @@ fn invalid_ranging_input_is_rejected() {
 struct Changed(SweepScene, fn(&mut SweepBurst));
 
 impl SweepSource for Changed {
+    fn has(&mut self, sweep: u32) -> Result<bool, ReadError> {
+        Ok(sweep == 0)
+    }
+
     fn burst(
         &mut self,
         sweep: u32,
@@ -184,7 +186,6 @@ fn of_changed(change: fn(&mut SweepBurst)) -> (Vec<Profile>, Profiles) {
     let mut task = ProfileRun {
         setup: scene().setup,
         weights: &weights,
-        sweeps: 1,
         source: &mut source,
     };
     let mut came = Vec::new();

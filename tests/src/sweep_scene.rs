@@ -165,6 +165,10 @@ pub fn there(burst: &SweepBurst) -> Vec<Range<usize>> {
 }
 
 impl SweepSource for SweepScene {
+    fn has(&mut self, sweep: u32) -> Result<bool, ReadError> {
+        Ok(sweep < self.sweeps)
+    }
+
     fn burst(
         &mut self,
         sweep: u32,

@@ -35,6 +35,12 @@ const MAX_SENT: u32 = 3;
 
 /// Source of a radar's sweeps, burst by burst.
 pub trait SweepSource {
+    /// Whether there is a sweep of this number. Called in ascending order before its bursts are read; may wait for a running capture.
+    ///
+    /// # Errors
+    /// If the source cannot be read.
+    fn has(&mut self, sweep: u32) -> Result<bool, ReadError>;
+
     /// Fill `burst` with burst `index` of a sweep, from 0. Returns false if the sweep has no more bursts. Called again if samples
     /// were lost on the line.
     ///
@@ -65,9 +71,7 @@ pub struct ProfileRun<'a> {
     pub setup: Setup,
     /// Window weights of the carriers. The value of a unit scatterer is their sum.
     pub weights: &'a [f32],
-    /// Number of sweeps, numbered from 0.
-    pub sweeps: u32,
-    /// Samples of the sweeps.
+    /// Samples of the sweeps, numbered from 0.
     pub source: &'a mut dyn SweepSource,
 }
 
@@ -148,7 +152,10 @@ impl Session<'_> {
         self.start((id, run), &configure, watch)?;
         let mut room = vec![0; 8 * usize::from(task.setup.bins)];
         let mut assembly = ProfileAssembly::new(&mut room);
-        for sweep in 0..task.sweeps {
+        for sweep in 0.. {
+            if !task.source.has(sweep)? {
+                break;
+            }
             let profile = self.sweep(task, sweep, &mut assembly, result, watch)?;
             result.taken += 1;
             sink(profile);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as Group, Subcommand, ValueHint};
 use glam::DVec3;
 use subaperture::geometry::{Extent, Geodetic};
+use subaperture::module::link::ModuleAddress;
 use subaperture::radio::experiment;
 use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
@@ -49,6 +50,19 @@ pub(crate) struct Capture {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["experiment", "out", "replay"],
         value_parser = clap::builder::PossibleValuesParser::new(experiment::examples::names()))]
     pub(crate) example: Option<String>,
+
+    /// Send each sweep to an embedded module during the capture: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or
+    /// emulate:fixed. Its range profiles, their record and a waterfall, updated about once a second, go to --profiles
+    #[arg(long, value_name = "WHERE", requires = "profiles")]
+    pub(crate) module: Option<ModuleAddress>,
+
+    /// Folder for the range profiles of the module
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output(), requires = "module")]
+    pub(crate) profiles: Option<PathBuf>,
+
+    /// Firmware to emulate [default: target/module/float or fixed, here or above]
+    #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath, requires = "module")]
+    pub(crate) firmware: Option<PathBuf>,
 
     /// Show range profile, levels and lost samples during the capture, if standard error is a terminal
     #[arg(long)]

@@ -1,6 +1,7 @@
 //! `subap capture`: record an experiment with a radio.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
 
@@ -14,7 +15,10 @@ use subaperture::radio::experiment::{self, Device, Experiment};
 use subaperture::radio::plan::Plan;
 use subaperture::radio::sigmf::SigmfError;
 use subaperture::radio::{Ranges, Transceiver};
+use subaperture::signal::window::Window;
 
+use super::link::Line;
+use super::link::profiles::Profiling;
 use crate::args::Capture;
 use crate::config::Session;
 use crate::failure::{InterruptedWithSteps, Usage};
@@ -48,23 +52,77 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
         return rehearse(session, &experiment.plan, &out);
     }
     let opening = session.progress("opening the radio");
-    let captured = experiment.with_radio(session.memory_bytes, |radio| {
-        opening.finish();
-        if typed.live || typed.watching.is_asked() {
-            return watch::captured(
+    let capture = || {
+        let captured = experiment.with_radio(session.memory_bytes, |radio| {
+            opening.finish();
+            if typed.live || typed.watching.is_asked() {
+                return watch::captured(
+                    session,
+                    radio,
+                    &experiment,
+                    &typed.watching,
+                    typed.live,
+                    &out,
+                );
+            }
+            Ok(captured(session, radio, &experiment.plan, &out)?)
+        });
+        captured?
+    };
+    let (summary, profiles) = match (&typed.module, &typed.profiles) {
+        (Some(place), Some(folder)) => {
+            let profiling = Profiling {
                 session,
-                radio,
-                &experiment,
-                &typed.watching,
-                typed.live,
-                &out,
-            );
+                line: Line {
+                    place,
+                    firmware: typed.firmware.as_deref(),
+                    retries: 0,
+                    rate_hz: None,
+                },
+                window: Window::default(),
+                out: folder,
+            };
+            with_profiles(&profiling, &out, capture)?
         }
-        Ok(captured(session, radio, &experiment.plan, &out)?)
-    });
-    let summary = captured??;
-    report(session, &experiment.plan, &summary, &out)?;
-    end(&experiment.plan, summary, &out)
+        _ => (capture()?, None),
+    };
+    let (profiles, failed) = match profiles.transpose() {
+        Ok(profiles) => (profiles, None),
+        Err(error) => (None, Some(error)),
+    };
+    report(session, &experiment.plan, &summary, &out, profiles)?;
+    end(&experiment.plan, summary, &out)?;
+    match failed {
+        None => Ok(()),
+        Some(error) => Err(anyhow!(
+            "{error:#}; the recording is complete: subap link --send profiles sends it to the module again"
+        )),
+    }
+}
+
+/// Line about the profiles of a module, and their files.
+type Profiles = (String, Vec<WrittenFile>);
+
+/// Capture while a module computes the profiles of the recorded sweeps. An error of the module does not end the capture.
+fn with_profiles(
+    profiling: &Profiling,
+    out: &Path,
+    capture: impl FnOnce() -> anyhow::Result<Summary>,
+) -> anyhow::Result<(Summary, Option<anyhow::Result<Profiles>>)> {
+    profiling.line.check()?;
+    profiling.claim()?;
+    let ended = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let follow = || profiling.follow(&meta(out), &ended);
+        let module = thread::Builder::new().spawn_scoped(scope, follow)?;
+        let over = watch::Over(&ended);
+        let summary = capture();
+        drop(over);
+        let line = module
+            .join()
+            .map_err(|_| anyhow!("the thread of the module panicked"))?;
+        Ok((summary?, Some(line)))
+    })
 }
 
 /// Run the capture. Ctrl-C stops it cleanly.
@@ -240,10 +298,15 @@ pub(super) fn report(
     plan: &Plan,
     summary: &Summary,
     out: &Path,
+    profiles: Option<Profiles>,
 ) -> anyhow::Result<()> {
     warn(summary);
+    let (line, files) = profiles.unzip();
     if session.json() {
-        return text::say_json("capture", record(plan, summary, out));
+        let mut record = record(plan, summary, out);
+        let written = recording_files(out).into_iter();
+        record["files"] = json!(written.chain(files.unwrap_or_default()).collect::<Vec<_>>());
+        return text::say_json("capture", record);
     }
     if !session.prints_text() {
         return Ok(());
@@ -288,6 +351,7 @@ pub(super) fn report(
         );
         facts.push(("sweeps", late));
     }
+    facts.extend(line.map(|line| ("module", line)));
     Ok(text::say(text::facts(&facts).join("\n"))?)
 }
 

@@ -5,16 +5,17 @@ mod image;
 mod increments;
 mod outcome;
 mod picture;
-mod profiles;
+pub(super) mod profiles;
 mod receiving;
 mod work;
 
+use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::Context;
 use subaperture::io::ours::Kind;
 use subaperture::io::product::{self, Product};
-use subaperture::module::link::{self, Buffers, ModuleAddress, Settings};
+use subaperture::module::link::{self, Buffers, ModuleAddress, SessionObserver, Settings};
 use subaperture::module::plan::ModuleProduct;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
@@ -56,7 +57,9 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     if product == ModuleProduct::Image {
         Product::prepare(&typed.out, grid.num_pixels())?;
     }
-    with_module(session, typed, collection.num_samples, |module, watch| {
+    let (line, num_samples) = (Line::of(typed), collection.num_samples);
+    let mut watch = Watching::new(session);
+    with_module(session, line, num_samples, &mut watch, |module, watch| {
         let identity = module.identity().clone();
         let plan = plan(session, typed, collection, &grid, &identity, product)?;
         let work = Work::new(session, typed, &history, &grid, &plan, product);
@@ -75,31 +78,76 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     })
 }
 
-/// Open the line to the module and a session on it, whose longest frames contain `num_samples` samples.
-fn with_module<T>(
-    session: &Session,
-    typed: &Link,
-    num_samples: usize,
-    task: impl FnOnce(&mut link::Session<'_>, &mut Watching) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
-    let verbose = session.verbosity() > 0;
-    let mut transport = link::open(&typed.place, typed.firmware.as_deref(), verbose)?;
-    let settings = settings(typed, transport.baud(), num_samples);
-    let mut watch = Watching {
-        bar: session.progress("linking"),
-        verbose,
-        last: None,
-    };
-    let mut buffers = Buffers::new();
-    let mut module = link::Session::open(&mut *transport, &mut buffers, settings, &mut watch)
-        .with_context(|| format!("{}", typed.place))?;
-    session.note(1, || {
-        format!("{} at {}", module.identity().version, typed.place)
-    });
-    task(&mut module, &mut watch)
+/// Line to a module.
+#[derive(Clone, Copy)]
+pub(crate) struct Line<'a> {
+    pub(crate) place: &'a ModuleAddress,
+    /// Program of an emulated module, if not the default.
+    pub(crate) firmware: Option<&'a Path>,
+    /// Largest number of repetitions of sub-CPIs with missing maps.
+    pub(crate) retries: u32,
+    /// Pulses per second. `None`: as fast as the module accepts them.
+    pub(crate) rate_hz: Option<f64>,
 }
 
-/// Check that options suit the product, and that a program is given only for an emulated module.
+impl<'a> Line<'a> {
+    fn of(typed: &'a Link) -> Self {
+        Self {
+            place: &typed.place,
+            firmware: typed.firmware.as_deref(),
+            retries: typed.retries,
+            rate_hz: typed.rate,
+        }
+    }
+
+    /// Check that a program is given only for an emulated module.
+    pub(crate) fn check(&self) -> Result<(), Usage> {
+        if self.firmware.is_some() && !matches!(self.place, ModuleAddress::Emulate(_)) {
+            let fault = format!(
+                "--firmware applies to an emulated module; {} runs its own: leave it out",
+                self.place
+            );
+            return Err(Usage(fault));
+        }
+        Ok(())
+    }
+
+    /// Time limits of a session on a line of this speed, whose longest frames contain `num_samples` samples.
+    fn settings(&self, baud: Option<u32>, num_samples: usize) -> Settings {
+        Settings {
+            // Half a second, and four times the longest frame on a line of this speed.
+            answer: Duration::from_millis(500)
+                + baud.map_or(Duration::ZERO, |baud| {
+                    let bits = 10.0 * wire::max_frame_bytes(num_samples) as f64;
+                    Duration::from_secs_f64(4.0 * bits / f64::from(baud))
+                }),
+            retries: self.retries,
+            rate_hz: self.rate_hz,
+            first_number: number_of_now(),
+            ..Settings::default()
+        }
+    }
+}
+
+/// Open the line and a session on it, whose longest frames contain `num_samples` samples.
+fn with_module<W: SessionObserver, T>(
+    session: &Session,
+    line: Line<'_>,
+    num_samples: usize,
+    watch: &mut W,
+    task: impl FnOnce(&mut link::Session<'_>, &mut W) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let place = line.place;
+    let mut transport = link::open(place, line.firmware, session.verbosity() > 0)?;
+    let settings = line.settings(transport.baud(), num_samples);
+    let mut buffers = Buffers::new();
+    let mut module = link::Session::open(&mut *transport, &mut buffers, settings, watch)
+        .with_context(|| format!("{place}"))?;
+    session.note(1, || format!("{} at {place}", module.identity().version));
+    task(&mut module, watch)
+}
+
+/// Check that options suit the product and the module.
 fn check_options(typed: &Link) -> Result<(), Usage> {
     const PLANNED: &[&str] = &["maps", "image", "detections"];
     const RECORDING: &[&str] = &["maps", "image", "detections", "increments"];
@@ -130,30 +178,7 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
             )));
         }
     }
-    if typed.firmware.is_some() && !matches!(typed.place, ModuleAddress::Emulate(_)) {
-        let fault = format!(
-            "--firmware applies to an emulated module; {} runs its own: leave it out",
-            typed.place
-        );
-        return Err(Usage(fault));
-    }
-    Ok(())
-}
-
-/// Time limits of the session on a line of this speed.
-fn settings(typed: &Link, baud: Option<u32>, num_samples: usize) -> Settings {
-    Settings {
-        // Half a second, and four times the longest frame on a line of this speed.
-        answer: Duration::from_millis(500)
-            + baud.map_or(Duration::ZERO, |baud| {
-                let bits = 10.0 * wire::max_frame_bytes(num_samples) as f64;
-                Duration::from_secs_f64(4.0 * bits / f64::from(baud))
-            }),
-        retries: typed.retries,
-        rate_hz: typed.rate,
-        first_number: number_of_now(),
-        ..Settings::default()
-    }
+    Line::of(typed).check()
 }
 
 /// Session number from the clock, different from earlier sessions in all likelihood.

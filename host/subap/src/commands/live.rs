@@ -105,7 +105,7 @@ fn report(
 ) -> anyhow::Result<()> {
     let (plan, summary) = (&experiment.plan, &watched.summary);
     let Some(imaging) = &watched.imaging else {
-        return capture::report(session, plan, summary, out);
+        return capture::report(session, plan, summary, out, None);
     };
     let (left_out, why) = imaging.left_out();
     if let Some(why) = why {
@@ -136,7 +136,7 @@ fn report(
         }
         return text::say_json("capture", value);
     }
-    capture::report(session, plan, summary, out)?;
+    capture::report(session, plan, summary, out, None)?;
     if !session.prints_text() {
         return Ok(());
     }

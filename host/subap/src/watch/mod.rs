@@ -140,11 +140,11 @@ pub(crate) fn imaged(
 const NO_THREAD: &str = "cannot start a thread to follow the capture; end other programs, or allow this one more threads";
 
 /// Guard that sets the flag when dropped, also by a panic.
-struct Over<'a>(&'a AtomicBool);
+pub(crate) struct Over<'a>(pub(crate) &'a AtomicBool);
 
 impl Drop for Over<'_> {
     fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.0.store(true, Ordering::Release);
     }
 }
 

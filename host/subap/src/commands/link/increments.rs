@@ -16,7 +16,8 @@ use subaperture::targets::{Arrangement, Settings};
 use subaperture::track::Fix;
 
 use super::outcome::{Received, report};
-use super::with_module;
+use super::receiving::Watching;
+use super::{Line, with_module};
 use crate::args::{Link, SeveralChannels};
 use crate::commands::track::open;
 use crate::config::Session;
@@ -56,11 +57,15 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
     // From here on, an interruption keeps the increments received.
     let _keeping = interrupt::Keeping::begin();
     let samples = histories[0].collection().num_samples;
-    let (found, counts) = with_module(session, typed, samples, |module, watch| {
-        let found = module.increments(&task, watch);
-        watch.bar.finish();
-        Ok((found, module.counts()))
-    })?;
+    let mut watch = Watching::new(session);
+    let (found, counts) = with_module(
+        session,
+        Line::of(typed),
+        samples,
+        &mut watch,
+        |module, watch| Ok((module.increments(&task, watch), module.counts())),
+    )?;
+    watch.bar.finish();
     let fixes = track(&channels, &found)?;
     if fixes.len() < 2 && found.ending.is_ok() {
         bail!(

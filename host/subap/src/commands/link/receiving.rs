@@ -9,6 +9,7 @@ use subaperture::monitor::Monitor;
 use subaperture_core::link::AssembledMap;
 
 use super::picture::Picture;
+use crate::config::Session;
 use crate::progress::Progress;
 use crate::{interrupt, messages};
 
@@ -35,6 +36,16 @@ pub(super) struct Watching {
     pub(super) verbose: bool,
     /// Time and byte counts of the last display.
     pub(super) last: Option<(Instant, u64, u64)>,
+}
+
+impl Watching {
+    pub(super) fn new(session: &Session) -> Self {
+        Self {
+            bar: session.progress("linking"),
+            verbose: session.verbosity() > 0,
+            last: None,
+        }
+    }
 }
 
 impl SessionObserver for Watching {

@@ -41,7 +41,7 @@ pub(super) fn plan(
             wire::Arithmetic::Float => Arithmetic::Float,
             wire::Arithmetic::Fixed => Arithmetic::Fixed,
         },
-        product: product,
+        product,
     };
     let plan = ModulePlan::new(collection, grid, &requirements)?;
     session.note(1, || {
