@@ -54,7 +54,7 @@ fn track_of_increments_follows_the_recorded_motion() {
         let n = pulses.iter().position(|pulse| pulse.time_s == time_s);
         let pulses = channels
             .iter()
-            .map(|(_, history)| history.collection().pulses[n.unwrap()].clone());
+            .map(|(_, history)| history.collection().pulses[n.unwrap()]);
         Arrangement::of_pulses(&pulses.collect::<Vec<_>>())
             .unwrap()
             .origin_m
