@@ -28,7 +28,7 @@ use crate::args::{Link, Sent};
 use crate::config::Session;
 use crate::failure::Usage;
 
-/// Let the module compute the product, and store it. What was received is kept in any case.
+/// Let the module compute the product, and store it. Received parts are kept in any case.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
     check_options(typed)?;

@@ -202,7 +202,7 @@ impl Profiling<'_> {
         Ok(OutputClaims::new::<PathBuf>(&[], false).folder(self.out, NAMES)?)
     }
 
-    /// Send the sweeps of a running capture as they are recorded, until it has `ended` and all are sent. Returns a line about the result, and
+    /// Send each recorded sweep of a running capture, until the capture has `ended` and all are sent. Returns a line about the result, and
     /// the files.
     pub(crate) fn follow(
         &self,
@@ -235,7 +235,7 @@ impl Profiling<'_> {
         Ok((line, received.files))
     }
 
-    /// Send the sweeps, and write what is received: the picture about once a second if it is `live`, all files at the end.
+    /// Send the sweeps and write their profiles: the picture about once a second if it is `live`, all files at the end.
     fn run(
         &self,
         capture: &mut Capture<'_>,
@@ -370,12 +370,12 @@ impl Profiling<'_> {
     }
 }
 
-/// Values of all profiles, NaN where there are none.
+/// Values of all profiles, NaN for sweeps without one.
 fn rows(profiles: &[Profile], bins: usize) -> impl Iterator<Item = Complex32> {
-    let nothing = Complex32::new(f32::NAN, f32::NAN);
+    let missing = Complex32::new(f32::NAN, f32::NAN);
     profiles.iter().flat_map(move |profile| {
         let values = profile.values.iter().copied();
-        values.chain(std::iter::repeat_n(nothing, bins - profile.values.len()))
+        values.chain(std::iter::repeat_n(missing, bins - profile.values.len()))
     })
 }
 
