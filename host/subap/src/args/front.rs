@@ -41,7 +41,7 @@ const EXAMPLES: [(&str, &str); 34] = [
     ("run", "subap run job.toml"),
     (
         "link",
-        "subap link tcp://localhost:4000 scene.cphd --send image --out image\nsubap link tcp://localhost:4000 scene.cphd -o scene.maps\nsubap focus --from-maps scene.maps --out image",
+        "subap link tcp://localhost:4000 scene.cphd --send image --out image\nsubap link tcp://localhost:4000 scene.cphd -o scene.maps\nsubap focus --from-maps scene.maps --out image\nsubap link tcp://localhost:4000 walk.cphd --send increments -o track.csv",
     ),
     ("info", "subap info scene.cphd"),
     ("recording", "subap recording --keys"),
@@ -117,8 +117,8 @@ const SHORT: [(&str, &[&str]); 14] = [
     (
         "link",
         &[
-            "out", "channel", "grid", "error_db", "rate", "retries", "verify", "picture",
-            "firmware", "dry_run",
+            "out", "send", "grid", "error_db", "rate", "retries", "verify", "picture", "firmware",
+            "dry_run",
         ],
     ),
     (
@@ -183,7 +183,9 @@ const SHORT: [(&str, &[&str]); 14] = [
     ),
     (
         "capture",
-        &["out", "set", "keys", "example", "replay", "live", "page"],
+        &[
+            "out", "set", "keys", "example", "replay", "live", "page", "module", "profiles",
+        ],
     ),
     (
         "live",
