@@ -24,6 +24,10 @@ fn scene() -> tempfile::TempDir {
 #[test]
 fn wrong_usage_is_refused_and_leaves_no_file() {
     let folder = scene();
+    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
+        let example = run(folder.path(), &format!("capture --example {name}"));
+        fs::write(folder.path().join(file), example.succeeded()).unwrap();
+    }
     let before = listing(folder.path());
     for (line, code, parts) in [
         ("link", 2, vec!["WHERE"]),
@@ -123,6 +127,16 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             "plan module a.cphd --ram 512K --send increments",
             2,
             vec!["expected maps, image or detections"],
+        ),
+        (
+            "capture thesis.toml -o walk --module emulate --profiles live",
+            1,
+            vec!["target/module/float", "cargo xtask module"],
+        ),
+        (
+            "capture thesis.toml -o walk --module emulate",
+            2,
+            vec!["--profiles"],
         ),
         (
             "link emulate a.cphd -o a.maps --error-db 3",

@@ -109,8 +109,7 @@ fn with_profiles(
     out: &Path,
     capture: impl FnOnce() -> anyhow::Result<Summary>,
 ) -> anyhow::Result<(Summary, Option<anyhow::Result<Profiles>>)> {
-    profiling.line.check()?;
-    profiling.claim()?;
+    profiling.prepare()?;
     let ended = AtomicBool::new(false);
     thread::scope(|scope| {
         let follow = || profiling.follow(&meta(out), &ended);

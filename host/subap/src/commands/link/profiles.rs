@@ -18,7 +18,7 @@ use subaperture::io::npy;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::module::link::{
-    Outcome, Profile, ProfileRun, SessionObserver, SweepBurst, SweepSource, TransferEnd,
+    self, Outcome, Profile, ProfileRun, SessionObserver, SweepBurst, SweepSource, TransferEnd,
 };
 use subaperture::monitor::Silent;
 use subaperture::phase_history::ReadError;
@@ -197,9 +197,12 @@ pub(crate) struct Profiling<'a> {
 }
 
 impl Profiling<'_> {
-    /// Check that the folder may be written.
-    pub(crate) fn claim(&self) -> anyhow::Result<()> {
-        Ok(OutputClaims::new::<PathBuf>(&[], false).folder(self.out, NAMES)?)
+    /// Check before the capture that the folder may be written and the line can be opened.
+    pub(crate) fn prepare(&self) -> anyhow::Result<()> {
+        self.line.check()?;
+        OutputClaims::new::<PathBuf>(&[], false).folder(self.out, NAMES)?;
+        link::open(self.line.place, self.line.firmware, false)?;
+        Ok(())
     }
 
     /// Send each recorded sweep of a running capture, until the capture has `ended` and all are sent. Returns a line about the result, and
