@@ -17,7 +17,7 @@ use subaperture::radio::sigmf::SigmfError;
 use subaperture::radio::{Ranges, Transceiver};
 use subaperture::signal::window::Window;
 
-use super::link::Line;
+use super::link::line::Line;
 use super::link::profiles::Profiling;
 use crate::args::Capture;
 use crate::config::Session;

@@ -3,25 +3,24 @@
 mod detect;
 mod image;
 mod increments;
+pub(super) mod line;
 mod outcome;
 mod picture;
 pub(super) mod profiles;
 mod receiving;
 mod work;
 
-use std::path::Path;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::Instant;
 
 use anyhow::Context;
 use subaperture::io::ours::Kind;
 use subaperture::io::product::{self, Product};
-use subaperture::module::link::{self, Buffers, ModuleAddress, SessionObserver, Settings};
 use subaperture::module::plan::ModuleProduct;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
-use subaperture_core::link as wire;
 
+use self::line::{Line, with_module};
 use self::receiving::Watching;
 use self::work::{Work, plan};
 use crate::args::{Link, Sent};
@@ -78,75 +77,6 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     })
 }
 
-/// Line to a module.
-#[derive(Clone, Copy)]
-pub(crate) struct Line<'a> {
-    pub(crate) place: &'a ModuleAddress,
-    /// Program of an emulated module, if not the default.
-    pub(crate) firmware: Option<&'a Path>,
-    /// Largest number of repetitions of sub-CPIs with missing maps.
-    pub(crate) retries: u32,
-    /// Pulses per second. `None`: as fast as the module accepts them.
-    pub(crate) rate_hz: Option<f64>,
-}
-
-impl<'a> Line<'a> {
-    fn of(typed: &'a Link) -> Self {
-        Self {
-            place: &typed.place,
-            firmware: typed.firmware.as_deref(),
-            retries: typed.retries,
-            rate_hz: typed.rate,
-        }
-    }
-
-    /// Check that a program is given only for an emulated module.
-    pub(crate) fn check(&self) -> Result<(), Usage> {
-        if self.firmware.is_some() && !matches!(self.place, ModuleAddress::Emulate(_)) {
-            let fault = format!(
-                "--firmware applies to an emulated module; {} runs its own: leave it out",
-                self.place
-            );
-            return Err(Usage(fault));
-        }
-        Ok(())
-    }
-
-    /// Time limits of a session on a line of this speed, whose longest frames contain `num_samples` samples.
-    fn settings(&self, baud: Option<u32>, num_samples: usize) -> Settings {
-        Settings {
-            // Half a second, and four times the longest frame on a line of this speed.
-            answer: Duration::from_millis(500)
-                + baud.map_or(Duration::ZERO, |baud| {
-                    let bits = 10.0 * wire::max_frame_bytes(num_samples) as f64;
-                    Duration::from_secs_f64(4.0 * bits / f64::from(baud))
-                }),
-            retries: self.retries,
-            rate_hz: self.rate_hz,
-            first_number: number_of_now(),
-            ..Settings::default()
-        }
-    }
-}
-
-/// Open the line and a session on it, whose longest frames contain `num_samples` samples.
-fn with_module<W: SessionObserver, T>(
-    session: &Session,
-    line: Line<'_>,
-    num_samples: usize,
-    watch: &mut W,
-    task: impl FnOnce(&mut link::Session<'_>, &mut W) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
-    let place = line.place;
-    let mut transport = link::open(place, line.firmware, session.verbosity() > 0)?;
-    let settings = line.settings(transport.baud(), num_samples);
-    let mut buffers = Buffers::new();
-    let mut module = link::Session::open(&mut *transport, &mut buffers, settings, watch)
-        .with_context(|| format!("{place}"))?;
-    session.note(1, || format!("{} at {place}", module.identity().version));
-    task(&mut module, watch)
-}
-
 /// Check that options suit the product and the module.
 fn check_options(typed: &Link) -> Result<(), Usage> {
     const PLANNED: &[&str] = &["maps", "image", "detections"];
@@ -179,10 +109,4 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
         }
     }
     Line::of(typed).check()
-}
-
-/// Session number from the clock, different from earlier sessions in all likelihood.
-fn number_of_now() -> u32 {
-    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    now.map_or(1, |now| now.as_millis() as u32)
 }

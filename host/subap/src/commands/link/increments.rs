@@ -15,9 +15,9 @@ use subaperture::phase_history::{Channels, PhaseHistory};
 use subaperture::targets::{Arrangement, Settings};
 use subaperture::track::Fix;
 
+use super::line::{Line, with_module};
 use super::outcome::{Received, report};
 use super::receiving::Watching;
-use super::{Line, with_module};
 use crate::args::{Link, SeveralChannels};
 use crate::commands::track::open;
 use crate::config::Session;

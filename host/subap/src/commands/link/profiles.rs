@@ -27,9 +27,9 @@ use subaperture::radio::sigmf::{Recording, Setup, SigmfError};
 use subaperture::signal::window::Window;
 use subaperture_core::sweep;
 
+use super::line::{Line, with_module};
 use super::outcome::{Received, report};
 use super::receiving::Watching;
-use super::{Line, with_module};
 use crate::args::Link;
 use crate::commands::profile::{MAX_ROWS, drawn};
 use crate::config::{Session, command_line, record_of_run};
