@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use subaperture::radio::sigmf::{Recording, Step};
-use subaperture_tests::subap::{Ran, command, listing, run};
+use subaperture_tests::subap::{Ran, command, listing, run, write_thesis_experiment};
 use subaperture_tests::tiny_disk::TinyDisk;
 use tempfile::TempDir;
 
@@ -17,10 +17,7 @@ const QUIET: &str = "--set device.impairments=false";
 /// A folder with the examples `thesis.toml` and `scene.toml`.
 fn examples() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
-        let text = run(folder.path(), &format!("capture --example {name}"));
-        fs::write(folder.path().join(file), text.succeeded()).unwrap();
-    }
+    write_thesis_experiment(folder.path());
     folder
 }
 

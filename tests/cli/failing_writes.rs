@@ -10,7 +10,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use subaperture_tests::subap::{Ran, command, run};
+use subaperture_tests::subap::{Ran, command, run, write_thesis_experiment};
 use tempfile::TempDir;
 
 const FAULTS: &str = include_str!("failing_writes/faults.c");
@@ -156,10 +156,7 @@ fn inputs() -> TempDir {
     fs::write(at.join("space.toml"), SPACE).unwrap();
     fs::write(at.join("radar.toml"), RADAR).unwrap();
     fs::write(at.join("drive.csv"), DRIVE).unwrap();
-    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
-        let text = run(at, &format!("capture --example {name}"));
-        fs::write(at.join(file), text.succeeded()).unwrap();
-    }
+    write_thesis_experiment(at);
     for line in [
         "simulate space.toml -o space.cphd",
         "focus space.cphd -a bp --grid x=-12:12:0.5,y=-12:12:0.5 --out image",

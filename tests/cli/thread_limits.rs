@@ -5,7 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-use subaperture_tests::subap::{program, run};
+use subaperture_tests::subap::{program, write_thesis_experiment};
 
 /// A user without other processes, so that the limit counts the threads of one program only. The limit does not hold for root.
 const USER: &str = "--reuid=54321";
@@ -81,10 +81,7 @@ fn refused_worker_threads_are_reported_with_their_number_and_its_source() {
 fn capture_without_disk_thread_is_an_error_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
-        let text = run(at, &format!("capture --example {name}"));
-        fs::write(at.join(file), text.succeeded()).unwrap();
-    }
+    write_thesis_experiment(at);
     open_to_others(at);
     let mut errors = Vec::new();
     for most in 1..=8 {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::emulated::{Begin, Emulated, Wire, application};
 use subaperture_tests::link_recording::write_recording;
-use subaperture_tests::subap::{Ran, command, listing, program, run};
+use subaperture_tests::subap::{Ran, command, listing, program, run, write_thesis_experiment};
 
 const GRID: &str = "--grid x=-6:6:0.5,y=-6:6:0.5,z=0";
 
@@ -24,10 +24,7 @@ fn scene() -> tempfile::TempDir {
 #[test]
 fn wrong_usage_is_refused_and_leaves_no_file() {
     let folder = scene();
-    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
-        let example = run(folder.path(), &format!("capture --example {name}"));
-        fs::write(folder.path().join(file), example.succeeded()).unwrap();
-    }
+    write_thesis_experiment(folder.path());
     let before = listing(folder.path());
     for (line, code, parts) in [
         ("link", 2, vec!["WHERE"]),

@@ -12,7 +12,7 @@ use subaperture::radio::sigmf::Recording;
 use subaperture::radio::{Reference, profile};
 use subaperture::signal::window::Window;
 use subaperture::targets::Arrangement;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{run, write_thesis_experiment};
 
 use crate::emulated::application;
 
@@ -78,10 +78,7 @@ fn track_of_increments_follows_the_recorded_motion() {
 fn profiles_of_a_capture_equal_those_of_the_host() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
-        let example = run(at, &format!("capture --example {name}"));
-        fs::write(at.join(file), example.succeeded()).unwrap();
-    }
+    write_thesis_experiment(at);
     // The module receives the sweeps during the capture.
     let few = "--set plan.steps=16 --set plan.sweeps=2";
     let firmware = application()[0].display();

@@ -144,6 +144,15 @@ pub fn folder_with_recording(name: &str, scenario: &str) -> tempfile::TempDir {
     folder
 }
 
+/// Write the example experiment of Chim 2018 into `folder`: `thesis.toml`, and its scene `scene.toml`.
+#[track_caller]
+pub fn write_thesis_experiment(folder: &Path) {
+    for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
+        let example = run(folder, &format!("capture --example {name}"));
+        std::fs::write(folder.join(file), example.succeeded()).expect("an example is written");
+    }
+}
+
 /// Every file and folder under `folder` with its size, to detect changes.
 pub fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
     let mut found = BTreeMap::new();
