@@ -84,9 +84,9 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
             };
             with_profiles(&profiling, &out, capture)?
         }
-        _ => (capture()?, None),
+        _ => (capture()?, Ok(None)),
     };
-    let (profiles, failed) = match profiles.transpose() {
+    let (profiles, failed) = match profiles {
         Ok(profiles) => (profiles, None),
         Err(error) => (None, Some(error)),
     };
@@ -108,7 +108,7 @@ fn with_profiles(
     profiling: &Profiling,
     out: &Path,
     capture: impl FnOnce() -> anyhow::Result<Summary>,
-) -> anyhow::Result<(Summary, Option<anyhow::Result<Profiles>>)> {
+) -> anyhow::Result<(Summary, anyhow::Result<Option<Profiles>>)> {
     profiling.prepare()?;
     let ended = AtomicBool::new(false);
     thread::scope(|scope| {
@@ -117,10 +117,10 @@ fn with_profiles(
         let over = watch::Over(&ended);
         let summary = capture();
         drop(over);
-        let line = module
+        let profiles = module
             .join()
             .map_err(|_| anyhow!("the thread of the module panicked"))?;
-        Ok((summary?, Some(line)))
+        Ok((summary?, profiles.map(Some)))
     })
 }
 

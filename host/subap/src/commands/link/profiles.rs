@@ -30,6 +30,7 @@ use subaperture_core::sweep;
 use super::line::{Line, with_module};
 use super::outcome::{Received, report};
 use super::receiving::Watching;
+use super::work::normalised;
 use crate::args::Link;
 use crate::commands::profile::{MAX_ROWS, drawn};
 use crate::config::{Session, command_line, record_of_run};
@@ -48,6 +49,8 @@ const PICTURE: Duration = Duration::from_secs(1);
 /// Capture as a source of sweeps.
 struct Capture<'a> {
     recording: Recording,
+    /// Settings of the module's profiler.
+    setup: sweep::Setup,
     /// First step of each sweep, and the end of the last.
     firsts: Vec<usize>,
     channels: [Vec<Complex<i16>>; 2],
@@ -64,13 +67,14 @@ impl<'a> Capture<'a> {
         recording: Recording,
         ended: Option<&'a AtomicBool>,
     ) -> anyhow::Result<Self> {
-        let bins = for_module(recording.setup())?.bins;
+        let setup = for_module(recording.setup())?;
         // Profiles, and the image of them that is written.
-        let profile_bytes = 2 * u64::from(bins) * size_of::<Complex32>() as u64;
+        let profile_bytes = 2 * u64::from(setup.bins) * size_of::<Complex32>() as u64;
         let memory_bytes = session.memory_bytes / 2;
         Ok(Self {
             firsts: firsts(&recording),
             recording,
+            setup,
             channels: Default::default(),
             most: (memory_bytes / profile_bytes) as usize,
             memory_bytes,
@@ -247,11 +251,9 @@ impl Profiling<'_> {
     ) -> anyhow::Result<(Received, Outcome)> {
         let start = Instant::now();
         let setup = capture.recording.setup().clone();
-        let module_setup = for_module(&setup)?;
+        let module_setup = capture.setup;
         let bins = usize::from(module_setup.bins);
-        let weights = self.window.weights(setup.steps);
-        let sum: f64 = weights.iter().sum();
-        let weights: Vec<f32> = weights.iter().map(|weight| (weight / sum) as f32).collect();
+        let weights = normalised(&self.window.weights(setup.steps));
         let spacing_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz * bins as f64);
         let mut profiles = Vec::new();
         let mut drawn = start;
@@ -355,7 +357,7 @@ impl Profiling<'_> {
         let image = Image {
             rows: profiles.len(),
             columns: bins,
-            pixels: rows(profiles, bins).collect(),
+            pixels: rows(profiles.iter(), bins).collect(),
         };
         let [array, about, picture] = NAMES.map(|name| self.out.join(name));
         let mut files = FileSet::new();
@@ -374,9 +376,12 @@ impl Profiling<'_> {
 }
 
 /// Values of all profiles, NaN for sweeps without one.
-fn rows(profiles: &[Profile], bins: usize) -> impl Iterator<Item = Complex32> {
+fn rows<'p>(
+    profiles: impl Iterator<Item = &'p Profile>,
+    bins: usize,
+) -> impl Iterator<Item = Complex32> {
     let missing = Complex32::new(f32::NAN, f32::NAN);
-    profiles.iter().flat_map(move |profile| {
+    profiles.flat_map(move |profile| {
         let values = profile.values.iter().copied();
         values.chain(std::iter::repeat_n(missing, bins - profile.values.len()))
     })
@@ -410,14 +415,17 @@ fn waterfall(
     name: &str,
 ) -> anyhow::Result<Vec<u8>> {
     let stride = profiles.len().div_ceil(MAX_ROWS);
-    let shown: Vec<Profile> = profiles.iter().step_by(stride).cloned().collect();
-    let levels: Vec<f32> = rows(&shown, bins)
+    let levels: Vec<f32> = rows(profiles.iter().step_by(stride), bins)
         .map(|z| 20.0 * z.norm().log10())
         .collect();
     let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
     drawn(
         &levels,
-        axis(f64::from(profiles[0].sweep), stride as f64, shown.len()),
+        axis(
+            f64::from(profiles[0].sweep),
+            stride as f64,
+            levels.len() / bins,
+        ),
         axis(0.0, spacing_m, bins),
         format!("{name}, by the module"),
     )

@@ -66,6 +66,12 @@ pub(super) fn plan(
     Ok(plan)
 }
 
+/// Weights scaled to a sum of 1.
+pub(super) fn normalised(weights: &[f64]) -> Vec<f32> {
+    let sum: f64 = weights.iter().sum();
+    weights.iter().map(|w| (w / sum) as f32).collect()
+}
+
 /// Work of the module.
 pub(super) struct Work<'w> {
     pub(super) session: &'w Session,
@@ -93,7 +99,6 @@ impl<'w> Work<'w> {
             typed.windows.window,
             typed.windows.slow_window,
         );
-        let fast_sum: f64 = weights.fast.iter().sum();
         Self {
             session,
             typed,
@@ -101,7 +106,7 @@ impl<'w> Work<'w> {
             grid,
             plan,
             product,
-            fast_weights: weights.fast.iter().map(|w| (w / fast_sum) as f32).collect(),
+            fast_weights: normalised(&weights.fast),
             slow_weights: weights.slow,
         }
     }
