@@ -3,18 +3,29 @@
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::Command;
+use std::process::{self, Command};
 
 use subaperture_tests::subap::{program, write_thesis_experiment};
 
-/// A user without other processes, so that the limit counts the threads of one program only. The limit does not hold for root.
-const USER: &str = "--reuid=54321";
+/// The test whose user runs the program. The limit counts all threads of a user, so each test of each run has its own.
+#[derive(Clone, Copy)]
+enum User {
+    Workers,
+    Capture,
+}
 
-/// Run `line` in `at` with at most `most` threads in all: its exit status and standard error; `None` where this machine does not allow it.
-fn with_threads(at: &Path, most: usize, line: &str) -> Option<(Option<i32>, String)> {
+impl User {
+    /// A user without other processes; not root, for whom the limit does not hold.
+    fn id(self) -> u32 {
+        20_000 + 2 * (process::id() % 20_000) + self as u32
+    }
+}
+
+/// Run `line` in `at` as `user` with at most `most` threads in all: its exit status and standard error; `None` where this machine does not allow it.
+fn with_threads(user: User, at: &Path, most: usize, line: &str) -> Option<(Option<i32>, String)> {
     let ran = Command::new("setpriv")
         .args([
-            USER,
+            &format!("--reuid={}", user.id()),
             "--clear-groups",
             "prlimit",
             &format!("--nproc={most}"),
@@ -67,7 +78,7 @@ fn refused_worker_threads_are_reported_with_their_number_and_its_source() {
             "one per processor",
         ),
     ] {
-        let Some((code, stderr)) = with_threads(at, 1, line) else {
+        let Some((code, stderr)) = with_threads(User::Workers, at, 1, line) else {
             println!("skipped: no right to run as another user");
             return;
         };
@@ -87,7 +98,7 @@ fn capture_without_disk_thread_is_an_error_and_leaves_no_file() {
     for most in 1..=8 {
         let out = format!("few{most}");
         let line = format!("--threads 2 capture thesis.toml -o {out} --set plan.sweeps=1");
-        let Some((code, stderr)) = with_threads(at, most, &line) else {
+        let Some((code, stderr)) = with_threads(User::Capture, at, most, &line) else {
             println!("skipped: no right to run as another user");
             return;
         };
