@@ -72,6 +72,7 @@
 //! ```
 
 use core::fmt;
+use core::ops::Range;
 
 use heapless::Vec;
 
@@ -256,20 +257,22 @@ impl Cfar {
         columns: &mut [Column],
         detections: &mut Vec<Detection, CAPACITY>,
     ) -> Result<CellCounts, CfarError> {
-        let patch = map.header.patch;
-        let bin = |index: usize, reach: u16| (index as i32).wrapping_sub(i32::from(reach));
-        let cells = Cells {
-            rows: patch.num_doppler_bins(),
-            columns: patch.num_range_bins(),
-            power: |row: usize, column: usize| {
-                let value = map.at(
-                    bin(row, patch.doppler_reach),
-                    bin(column, patch.range_reach),
-                );
-                Some(value.norm_sqr())
-            },
-        };
-        self.search(&cells, columns, detections)
+        self.search(&cells_of(map), columns, detections)
+    }
+
+    /// Begin a search in steps ([`CfarSearch`]), for a device that must do other work in between.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn begin(&self) -> Result<CfarSearch, CfarError> {
+        self.check()?;
+        Ok(CfarSearch {
+            cfar: *self,
+            factor: Factor::new(self.false_alarm_probability),
+            next: Step::Fill { row: 0 },
+            first_column: 0,
+            counts: CellCounts::default(),
+        })
     }
 
     fn search<P: Fn(usize, usize) -> Option<f32>, const CAPACITY: usize>(
@@ -278,53 +281,28 @@ impl Cfar {
         columns: &mut [Column],
         detections: &mut Vec<Detection, CAPACITY>,
     ) -> Result<CellCounts, CfarError> {
-        self.check()?;
-        LengthError::check("columns", cells.columns, columns.len()).map_err(CfarError::Length)?;
-        detections.clear();
-        let mut tally = CellCounts::default();
-        let mut factor = Factor::new(self.false_alarm_probability);
-        self.before_first_row(cells, columns);
-        for row in 0..cells.rows {
-            self.slide_to_row(cells, columns, row);
-            let mut ring = self.before_first_column(columns);
-            for column in 0..cells.columns {
-                self.slide_to_column(columns, column, &mut ring);
-                let Some(power) = cells.at(row, column).filter(|_| ring.cells > 0) else {
-                    continue;
-                };
-                tally.tested = tally.tested.saturating_add(1);
-                // Rounding can make the sum of all-zero cells slightly negative.
-                let sum = ring.power.max(0.0);
-                if f64::from(power) > factor.of(ring.cells) * sum {
-                    tally.above = tally.above.saturating_add(1);
-                    if cells.is_peak(row, column, power) {
-                        let noise = (sum / f64::from(ring.cells)) as f32;
-                        let detection = cells.refine(row, column, power, noise);
-                        tally.dropped = tally
-                            .dropped
-                            .saturating_add(keep(detections, detection).into());
-                    }
-                }
-            }
-        }
-        Ok(tally)
+        let mut search = self.begin()?;
+        while search.step(cells, columns, detections)? {}
+        Ok(search.counts)
     }
 
-    /// Column sums for row -1: the rows from 0 on that its ring contains.
-    fn before_first_row<P: Fn(usize, usize) -> Option<f32>>(
+    /// Add the cells of a row to the column sums of row -1, whose ring contains the rows from 0 on.
+    fn fill<P: Fn(usize, usize) -> Option<f32>>(
         &self,
         cells: &Cells<P>,
         columns: &mut [Column],
+        row: usize,
+        range: Range<usize>,
     ) {
         let (guard, outer) = self.doppler.bounds();
-        columns.fill(Column::default());
-        for row in 0..outer.min(cells.rows) {
-            for (c, column) in columns.iter_mut().enumerate() {
-                let cell = cells.at(row, c);
-                column.all.add_cell(cell);
-                if row >= guard {
-                    column.beyond_guard.add_cell(cell);
-                }
+        if row >= outer {
+            return;
+        }
+        for (c, column) in part(columns, range) {
+            let cell = cells.at(row, c);
+            column.all.add_cell(cell);
+            if row >= guard {
+                column.beyond_guard.add_cell(cell);
             }
         }
     }
@@ -335,9 +313,10 @@ impl Cfar {
         cells: &Cells<P>,
         columns: &mut [Column],
         row: usize,
+        range: Range<usize>,
     ) {
         let (guard, outer) = self.doppler.bounds();
-        for (c, column) in columns.iter_mut().enumerate() {
+        for (c, column) in part(columns, range) {
             let at = |row: Option<usize>| row.and_then(|row| cells.at(row, c));
             let leaving = at(row.checked_sub(outer + 1));
             let entering = at(Some(row + outer));
@@ -384,6 +363,132 @@ impl Cfar {
     }
 }
 
+/// A search in steps of at most [`CfarSearch::STEP_CELLS`] cells, with the result of [`Cfar::detect_in_map`].
+///
+/// ```
+/// # use subaperture_core::cfar::{Cfar, CfarError, Column, Detection};
+/// # use subaperture_core::stream::PatchMap;
+/// # fn search(cfar: &Cfar, map: &PatchMap<'_>, columns: &mut [Column]) -> Result<(), CfarError> {
+/// let mut detections = heapless::Vec::<Detection, 32>::new();
+/// let mut search = cfar.begin()?;
+/// while search.step_in_map(map, columns, &mut detections)? {
+///     // Receive a pulse.
+/// }
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct CfarSearch {
+    cfar: Cfar,
+    factor: Factor,
+    next: Step,
+    /// First column of the next step.
+    first_column: usize,
+    counts: CellCounts,
+}
+
+/// Work of a step on its columns.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    /// Add the cells of a row to the column sums of row -1.
+    Fill { row: usize },
+    /// Advance the column sums to a row.
+    Slide { row: usize },
+    /// Test the cells of a row, from the ring sum of the column before.
+    Test { row: usize, ring: Sum },
+}
+
+impl CfarSearch {
+    /// Maximum number of cells per step.
+    pub const STEP_CELLS: usize = 128;
+
+    /// Cell counts so far.
+    pub fn counts(&self) -> CellCounts {
+        self.counts
+    }
+
+    /// Do one step. Returns false after the last one. All steps of a search take the same map and buffers; the first one
+    /// clears `columns` and `detections`.
+    ///
+    /// # Errors
+    /// [`CfarError::Length`] if the number of columns differs from the range bins.
+    pub fn step_in_map<const CAPACITY: usize>(
+        &mut self,
+        map: &PatchMap<'_>,
+        columns: &mut [Column],
+        detections: &mut Vec<Detection, CAPACITY>,
+    ) -> Result<bool, CfarError> {
+        self.step(&cells_of(map), columns, detections)
+    }
+
+    fn step<P: Fn(usize, usize) -> Option<f32>, const CAPACITY: usize>(
+        &mut self,
+        cells: &Cells<P>,
+        columns: &mut [Column],
+        detections: &mut Vec<Detection, CAPACITY>,
+    ) -> Result<bool, CfarError> {
+        LengthError::check("columns", cells.columns, columns.len()).map_err(CfarError::Length)?;
+        let end = cells
+            .columns
+            .min(self.first_column.saturating_add(Self::STEP_CELLS));
+        let range = self.first_column..end;
+        match &mut self.next {
+            Step::Fill { row } => {
+                if (*row, self.first_column) == (0, 0) {
+                    columns.fill(Column::default());
+                    detections.clear();
+                }
+                self.cfar.fill(cells, columns, *row, range);
+            }
+            Step::Slide { row } => self.cfar.slide_to_row(cells, columns, *row, range),
+            Step::Test { row, ring } => {
+                for column in range {
+                    self.cfar.slide_to_column(columns, column, ring);
+                    let Some(power) = cells.at(*row, column).filter(|_| ring.cells > 0) else {
+                        continue;
+                    };
+                    let counts = &mut self.counts;
+                    counts.tested = counts.tested.saturating_add(1);
+                    // Rounding can make the sum of all-zero cells slightly negative.
+                    let sum = ring.power.max(0.0);
+                    if f64::from(power) > self.factor.of(ring.cells) * sum {
+                        counts.above = counts.above.saturating_add(1);
+                        if cells.is_peak(*row, column, power) {
+                            let noise = (sum / f64::from(ring.cells)) as f32;
+                            let detection = cells.refine(*row, column, power, noise);
+                            let dropped = keep(detections, detection).into();
+                            counts.dropped = counts.dropped.saturating_add(dropped);
+                        }
+                    }
+                }
+            }
+        }
+        if end < cells.columns {
+            self.first_column = end;
+            return Ok(true);
+        }
+        self.first_column = 0;
+        let filled = self.cfar.doppler.bounds().1.min(cells.rows);
+        self.next = match self.next {
+            Step::Fill { row } if row + 1 < filled => Step::Fill { row: row + 1 },
+            Step::Fill { .. } => Step::Slide { row: 0 },
+            Step::Slide { row } => Step::Test {
+                row,
+                ring: self.cfar.before_first_column(columns),
+            },
+            Step::Test { row, .. } => Step::Slide { row: row + 1 },
+        };
+        Ok(!matches!(self.next, Step::Slide { row } if row >= cells.rows))
+    }
+}
+
+/// Columns of `range` with their indices.
+fn part(columns: &mut [Column], range: Range<usize>) -> impl Iterator<Item = (usize, &mut Column)> {
+    let first = range.start;
+    let columns = columns.get_mut(range).unwrap_or_default();
+    (first..).zip(columns)
+}
+
 impl TrainingWindow {
     /// Half-widths in cells: to the last guard cell, and to the last training cell.
     fn bounds(self) -> (usize, usize) {
@@ -397,6 +502,23 @@ struct Cells<P> {
     rows: usize,
     columns: usize,
     power: P,
+}
+
+/// Powers of a patch map.
+fn cells_of<'a>(map: &'a PatchMap<'_>) -> Cells<impl Fn(usize, usize) -> Option<f32> + 'a> {
+    let patch = map.header.patch;
+    let bin = |index: usize, reach: u16| (index as i32).wrapping_sub(i32::from(reach));
+    Cells {
+        rows: patch.num_doppler_bins(),
+        columns: patch.num_range_bins(),
+        power: move |row: usize, column: usize| {
+            let value = map.at(
+                bin(row, patch.doppler_reach),
+                bin(column, patch.range_reach),
+            );
+            Some(value.norm_sqr())
+        },
+    }
 }
 
 impl<P: Fn(usize, usize) -> Option<f32>> Cells<P> {
@@ -470,6 +592,7 @@ fn parabola(before: f32, peak: f32, after: f32) -> (f32, f32) {
 }
 
 /// Threshold factor `Pfa^(-1/N) - 1`, recomputed when `N` changes.
+#[derive(Clone, Debug)]
 struct Factor {
     /// `-ln Pfa`.
     exponent: f64,

@@ -1,10 +1,8 @@
 //! Map products other than the map itself: detections, and image chips that accumulate the maps of all sub-CPIs.
 
-use core::ops::Range;
-
 use subaperture_core::Complex32;
 use subaperture_core::accumulate::{ChipKernel, add_patch_map};
-use subaperture_core::cfar::{Cfar, Column, Detection};
+use subaperture_core::cfar::{Cfar, CfarSearch, Column, Detection};
 use subaperture_core::link::{
     CHIP_PART_PIXELS, ChipGrid, Encoding, ImageCapacity, MAX_ACCUMULATED_BYTES, Refusal,
     write_pixels,
@@ -53,13 +51,6 @@ impl Chip {
         left_out: 0,
     };
 
-    /// Range of the pixels of a row.
-    fn row_pixels(&self, row: u16) -> Option<Range<usize>> {
-        let columns = usize::from(self.grid.num_columns);
-        let first = self.first_pixel as usize + usize::from(row) * columns;
-        (row < self.grid.num_rows).then_some(first..first + columns)
-    }
-
     /// Number of parts in which the chip is sent.
     pub(crate) fn num_parts(&self) -> u16 {
         self.grid.num_pixels().div_ceil(CHIP_PART_PIXELS) as u16
@@ -84,11 +75,13 @@ pub(crate) struct Products<'a> {
     next: Next,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 enum Next {
-    ChipRow(u16),
-    Search,
-    Nothing,
+    /// Step of the chip ([`ChipGrid::step`]).
+    Chip(usize),
+    BeginSearch,
+    Search(CfarSearch),
+    Done,
 }
 
 impl<'a> Products<'a> {
@@ -101,7 +94,7 @@ impl<'a> Products<'a> {
             sub_cpis: 0,
             weight_sum: 0.0,
             is_partial: false,
-            next: Next::Nothing,
+            next: Next::Done,
         }
     }
 
@@ -128,7 +121,7 @@ impl<'a> Products<'a> {
     /// Reset the products of single maps for a new run. Chips keep their sums.
     pub(crate) fn begin_run(&mut self) {
         self.detections.clear();
-        self.next = Next::Nothing;
+        self.next = Next::Done;
     }
 
     /// Chips in the order of their patches.
@@ -204,9 +197,9 @@ impl<'a> Products<'a> {
         let accumulate = self.num_chips > 0 && !self.has(map.header.sub_cpi);
         self.is_partial |= accumulate;
         self.next = if accumulate {
-            Next::ChipRow(0)
+            Next::Chip(0)
         } else {
-            Next::Search
+            Next::BeginSearch
         };
     }
 
@@ -228,45 +221,46 @@ impl<'a> Products<'a> {
         self.weight_sum += header.weight_sum;
     }
 
-    /// Do one step: add one row to the chip, or search the map. Returns false if nothing is left.
+    /// Do one step: add a few pixels to the chip, or search a few cells of the map. Returns false after the last one.
     pub(crate) fn work(&mut self, setup: &Setup, map: &PatchMap<'_>) -> bool {
-        match self.next {
-            Next::ChipRow(row) => {
-                self.next = match self.add_chip_row(row, setup, map) {
-                    Some(()) => Next::ChipRow(row.wrapping_add(1)),
-                    None => Next::Search,
+        match &mut self.next {
+            Next::Chip(step) => {
+                let step = *step;
+                self.next = match self.add_to_chip(step, setup, map) {
+                    Some(()) => Next::Chip(step.wrapping_add(1)),
+                    None => Next::BeginSearch,
                 };
-                true
             }
-            Next::Search => {
-                if let Some(cfar) = &self.cfar {
-                    let bins = map.header.patch.num_range_bins();
-                    let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
-                    // A map that is too wide gets no columns and thus no detections.
-                    if cfar
-                        .detect_in_map(map, columns, &mut self.detections)
-                        .is_err()
-                    {
-                        self.detections.clear();
-                    }
+            Next::BeginSearch => {
+                self.next = match self.cfar.map(|cfar| cfar.begin()) {
+                    Some(Ok(search)) => Next::Search(search),
+                    _ => Next::Done,
+                };
+            }
+            Next::Search(search) => {
+                let bins = map.header.patch.num_range_bins();
+                // A map that is too wide gets no columns and thus no detections.
+                let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
+                if search.step_in_map(map, columns, &mut self.detections) != Ok(true) {
+                    self.next = Next::Done;
                 }
-                self.next = Next::Nothing;
-                true
             }
-            Next::Nothing => false,
+            Next::Done => return false,
         }
+        true
     }
 
-    /// Add a row of the chip of the map's patch. `None` after the last row.
-    fn add_chip_row(&mut self, row: u16, setup: &Setup, map: &PatchMap<'_>) -> Option<()> {
+    /// Do a step of adding the map to the chip of its patch. `None` after the last step.
+    fn add_to_chip(&mut self, step: usize, setup: &Setup, map: &PatchMap<'_>) -> Option<()> {
         let chips = self.buffers.chips.get_mut(..self.num_chips)?;
         let chip = chips.get_mut(usize::from(map.header.patch_index))?;
-        let pixels = self.buffers.pixels.get_mut(chip.row_pixels(row)?)?;
-        let line = chip.grid.row(row);
+        let (range, grid) = chip.grid.step(step)?;
+        let pixels = self.buffers.pixels.get_mut(chip.first_pixel as usize..)?;
+        let pixels = pixels.get_mut(range)?;
         // The map is normalised by its number of pulses; the chip will be by the sum of all weights.
         let weight = f32::from(map.header.num_pulses);
-        // Cannot fail: the pixels have the length of the row.
-        let inside = add_patch_map(pixels, &line, setup, map, self.buffers.kernel, weight).ok()?;
+        // Cannot fail: the pixels have the length of the grid.
+        let inside = add_patch_map(pixels, &grid, setup, map, self.buffers.kernel, weight).ok()?;
         let left_out = pixels.len().saturating_sub(inside) as u32;
         chip.left_out = chip.left_out.saturating_add(left_out);
         Some(())

@@ -13,4 +13,5 @@ mod profiles;
 mod selftest;
 mod serial_line;
 mod sessions;
+mod stripmap;
 mod unsafe_reasons;

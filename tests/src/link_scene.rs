@@ -70,9 +70,9 @@ pub fn judge_image(image: &AccumulatedImage) {
                 samples: MapSamples::Float(values),
             };
             let weight = f32::from(header.num_pulses);
-            for (row, line) in (0..).zip(pixels.chunks_mut(grid.num_columns.into())) {
-                let row = grid.row(row);
-                add_patch_map(line, &row, &scene.setup, &map, &kernel, weight).unwrap();
+            for (range, part) in (0..).map_while(|step| grid.step(step)) {
+                let pixels = &mut pixels[range];
+                add_patch_map(pixels, &part, &scene.setup, &map, &kernel, weight).unwrap();
             }
             weight_sum += header.weight_sum;
         }

@@ -19,6 +19,12 @@ pub const CONFIGURATIONS: [(&str, &str); 4] = [
     ("large float", "size-large"),
 ];
 
+/// Clock of the STM32H743 as the board's firmware sets it.
+const CLOCK_HZ: u64 = 400_000_000;
+
+/// Bytes per second of the board's serial line: 921600 baud, ten bits per byte.
+const LINE_BYTES_PER_SECOND: u64 = 92_160;
+
 /// Figures of one configuration by name.
 #[derive(Clone, Debug)]
 pub struct Figures {
@@ -42,6 +48,14 @@ impl Figures {
     /// Names of all figures.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.values.keys().map(String::as_str)
+    }
+
+    /// Bytes of RAM in all, with the stack used.
+    fn ram_bytes(&self) -> u64 {
+        ["axi", "sram123", "dtcm", "stack"]
+            .iter()
+            .map(|name| self.get(name))
+            .sum()
     }
 
     /// Instructions of a map without Keystone over those of its range transforms.
@@ -94,6 +108,19 @@ pub fn measure(name: &'static str, features: &str) -> Result<Figures, String> {
     let keystone = columns - compensation;
     let per_map = map + get(&values, "send_map")?;
     let patches = get(&values, "patches")?;
+    let most = |names: &[&str]| -> Result<u64, String> {
+        let counts: Result<Vec<u64>, String> =
+            names.iter().map(|name| get(&values, name)).collect();
+        Ok(counts?.into_iter().max().unwrap_or(0))
+    };
+    let step_worst = most(&[
+        "column_worst",
+        "row_worst",
+        "products_worst",
+        "odometer_worst",
+        "random_work_worst",
+    ])?;
+    let send_worst = most(&["send_worst", "random_send_worst"])?;
     for (name, value) in [
         ("fft", fft),
         ("ffts", fft * rows),
@@ -106,6 +133,12 @@ pub fn measure(name: &'static str, features: &str) -> Result<Figures, String> {
             get(&values, "receive_pulses")? + patches * per_map,
         ),
         ("down_bytes", patches * get(&values, "down_bytes_a_map")?),
+        ("step_worst", step_worst),
+        ("wait_worst", step_worst + send_worst),
+        (
+            "wait_bytes",
+            (step_worst + send_worst) * LINE_BYTES_PER_SECOND / CLOCK_HZ,
+        ),
     ] {
         values.insert(name.to_owned(), value);
     }
@@ -165,7 +198,7 @@ pub fn render(all: &[Figures]) -> String {
             let _ = writeln!(text, "| {label} | {} |", cells.join(" | "));
         }
     };
-    use Show::{Bytes, Count, Kilo, Ratio, Seconds, Share, Tenths};
+    use Show::{Bytes, Count, Kilo, Milliseconds, Ratio, Seconds, Share, Tenths};
     table(
         "Sizes",
         &[
@@ -224,9 +257,37 @@ pub fn render(all: &[Figures]) -> String {
             ),
             ("longest step: column", Kilo("column_worst")),
             ("longest step: row", Kilo("row_worst")),
-            ("longest step: detection", Kilo("products_worst")),
+            ("longest step: chip or detection", Kilo("products_worst")),
             ("longest received frame", Kilo("receive_worst")),
             ("longest sent frame", Kilo("send_worst")),
+        ],
+    );
+    table(
+        "Longest pieces of work over random setups, thousands of instructions",
+        &[
+            ("random setups", Count("random_setups")),
+            ("step", Kilo("random_work_worst")),
+            ("received frame", Kilo("random_receive_worst")),
+            ("sent frame", Kilo("random_send_worst")),
+            ("longest step of all", Kilo("step_worst")),
+            ("longest wait of a received byte", Kilo("wait_worst")),
+        ],
+    );
+    table(
+        "Milliseconds at 400 MHz, computed with one cycle per instruction; not measured on a device",
+        &[
+            ("a map", Milliseconds("map")),
+            ("sub-CPI in total", Milliseconds("sub_cpi")),
+            ("an increment", Milliseconds("odometer_work")),
+            ("forming a range profile", Milliseconds("profiler_work")),
+            (
+                "longest wait of a received byte",
+                Milliseconds("wait_worst"),
+            ),
+            (
+                "bytes received meanwhile at 921600 baud, of 8192",
+                Bytes("wait_bytes"),
+            ),
         ],
     );
     table(
@@ -280,8 +341,57 @@ pub fn render(all: &[Figures]) -> String {
             ("seconds at 921600 baud, maps", Seconds("down_bytes")),
         ],
     );
+    write_parts(&mut text, all);
     text.push_str(TAIL);
     text
+}
+
+/// A microcontroller: name, core, clock in MHz, RAM in bytes (from its data sheet), and whether it executes the measured instructions.
+struct Part(&'static str, &'static str, u64, u64, bool);
+
+const PARTS: [Part; 5] = [
+    Part("STM32G474", "Cortex-M4F", 170, 131_072, true),
+    Part("nRF5340", "Cortex-M33", 128, 524_288, true),
+    Part("RP2350", "Cortex-M33", 150, 532_480, true),
+    Part("ESP32-C6", "RV32IMAC", 160, 524_288, false),
+    Part("STM32H743", "Cortex-M7", 400, 950_272, true),
+];
+
+/// Table of the parts that have the memory for each configuration.
+fn write_parts(text: &mut String, all: &[Figures]) {
+    let names: Vec<&str> = all.iter().map(|figures| figures.name).collect();
+    let _ = write!(
+        text,
+        "\n## Will it fit?\n\n| part | core | MHz | RAM, kB | {} |\n|---|---|---:|---:{}|\n",
+        names.join(" | "),
+        "|---:".repeat(all.len())
+    );
+    for Part(name, core, clock_mhz, ram_bytes, measured) in PARTS {
+        let cells = all.iter().map(|figures| {
+            if figures.ram_bytes() > ram_bytes {
+                return "no".to_owned();
+            }
+            match measured {
+                true => format!(
+                    "{:.1} ms",
+                    figures.get("map") as f64 / (1e3 * clock_mhz as f64)
+                ),
+                false => "yes".to_owned(),
+            }
+        });
+        let cells: Vec<String> = cells.collect();
+        let _ = writeln!(
+            text,
+            "| {name} | {core} | {clock_mhz} | {} | {} |",
+            ram_bytes / 1000,
+            cells.join(" | ")
+        );
+    }
+    let needed: Vec<String> = all
+        .iter()
+        .map(|figures| (figures.ram_bytes() / 1000).to_string())
+        .collect();
+    let _ = writeln!(text, "| RAM needed, kB | | | | {} |", needed.join(" | "));
 }
 
 /// Format of a figure.
@@ -291,10 +401,12 @@ enum Show {
     Bytes(&'static str),
     /// Thousands.
     Kilo(&'static str),
-    /// Samples per map.
+    /// Milliseconds at [`CLOCK_HZ`], one instruction per cycle.
+    Milliseconds(&'static str),
+    /// Share of the instructions of a map.
     Share(&'static str),
     Tenths(&'static str),
-    /// Transfer time at 92160 bytes per second.
+    /// Transfer time at [`LINE_BYTES_PER_SECOND`].
     Seconds(&'static str),
     Ratio,
 }
@@ -306,9 +418,12 @@ impl Show {
             Self::Count(name) | Self::Bytes(name) => figures.get(name).to_string(),
             Self::Kilo(name) if value(name) < 100_000.0 => format!("{:.1}", value(name) / 1e3),
             Self::Kilo(name) => format!("{:.0}", value(name) / 1e3),
+            Self::Milliseconds(name) => {
+                format!("{:.2}", value(name) * 1e3 / CLOCK_HZ as f64)
+            }
             Self::Share(name) => format!("{:.0} %", 100.0 * value(name) / value("map")),
             Self::Tenths(name) => format!("{:.1}", value(name) / 10.0),
-            Self::Seconds(name) => format!("{:.1}", value(name) / 92_160.0),
+            Self::Seconds(name) => format!("{:.1}", value(name) / LINE_BYTES_PER_SECOND as f64),
             Self::Ratio => format!("{:.2}", figures.ratio()),
         }
     }
@@ -331,6 +446,12 @@ of carriers of the profiler, 512 samples each in parts of 64; its buffers are in
 ";
 
 const TAIL: &str = "
+A part fits if its RAM holds all buffers of the configuration and the stack used; the milliseconds are of a map, computed with one
+cycle per instruction. They are a lower bound: waits for flash and memory are not included, and no part was measured.
+The firmware is built for the STM32H743 only. Cortex-M4F and M33 execute the same instructions as the Cortex-M7 here, whose
+float64 arithmetic is software as well. On RISC-V the core passes its self-test bit by bit (RV32IMAFC, emulated); its instructions
+were not counted. `subap plan module --ram` plans buffers for any other size.
+
 ## Lower bounds, and the remaining cost
 
 *Range transforms.* microfft (float32), `fixed_point::fft` (integers): one of `R` points per map row. Under the same
@@ -354,8 +475,10 @@ sums (5). 23 instructions per unit and some 240 per pair of bins give 53 for 8 p
 every 16 frequencies), filling and reading the range transform buffer, and initially two float64 square
 roots per pulse, in software.
 
-*Longest steps.* The CFAR search is a single step, the longest of all; a row of a chip is a single step too.
-Columns, rows and frames are short.
+*Longest steps.* A row of a map is a single step, with its range transform. A chip is summed in steps of 32 pixels and a map
+searched in steps of 128 cells, so that their steps do not grow with chip, map or detector. The random setups draw the sizes of
+setup, patch, chip and detector within the capacity of the build. Between two steps the firmware reads the line and encodes
+at most one frame: a received byte waits in the buffer of the serial port for a step and a frame at most.
 
 *An increment* takes one transform per channel, a search, and three rounds over the targets. Each round adds an echo back and
 subtracts it again, with three evaluations at its range in every channel: a product with a phasor and three sums per sample. The

@@ -100,7 +100,7 @@ fn sliding_sums_match_direct_sums() {
         (reach(40, 3), reach(1, 1)),
         (reach(2, 300), reach(50, 200)),
     ] {
-        for (rows, width) in [(1, 17), (17, 1), (9, 14), (20, 31)] {
+        for (rows, width) in [(1, 17), (17, 1), (9, 14), (20, 31), (5, 130)] {
             let cfar = Cfar {
                 range,
                 doppler,
@@ -532,6 +532,19 @@ fn map_detections_match_those_of_its_power() {
             .detect_in_map(&map, &mut columns, &mut detections)
             .unwrap();
         assert_eq!((tally, detections), expected);
+        // In steps, another search's results are discarded first.
+        let mut detections = heapless::Vec::<Detection, 64>::from([Detection::default(); 7]);
+        let mut search = cfar.begin().unwrap();
+        let mut steps = 1;
+        while search
+            .step_in_map(&map, &mut columns, &mut detections)
+            .unwrap()
+        {
+            steps += 1;
+        }
+        assert_eq!((search.counts(), detections), expected);
+        // Three rows fill the sums; each row is slid to and tested, in one step of at most 128 cells each.
+        assert_eq!(steps, 3 + 2 * rows);
         let error = cfar.detect_in_map(&map, &mut columns[1..], &mut heapless::Vec::<_, 1>::new());
         assert!(matches!(error, Err(CfarError::Length(_))));
     }

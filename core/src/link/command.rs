@@ -1,5 +1,7 @@
 //! Messages from the host to the module. The tables in [`crate::link`] define their encoding.
 
+use core::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use super::Message;
@@ -200,19 +202,37 @@ pub struct ChipGrid {
 }
 
 impl ChipGrid {
+    /// Maximum number of pixels per step of a module that adds a map ([`Self::step`]).
+    pub const STEP_PIXELS: usize = 32;
+
     /// Number of pixels, columns times rows.
     pub fn num_pixels(&self) -> usize {
         usize::from(self.num_columns).saturating_mul(self.num_rows.into())
     }
 
-    /// Pixel grid of one row. A module adds maps row by row, so the position of each row is rounded once.
-    pub fn row(&self, row: u16) -> PixelGrid {
-        PixelGrid {
-            origin_m: [0, 1, 2].map(|i| self.origin_m[i] + f64::from(row) * self.row_step_m[i]),
+    /// Step `index` of adding a map: its pixels in row-major order, part of a row, and their grid. `None` after the last
+    /// step. A module adds maps step by step; the position of the first pixel of each step is rounded once.
+    pub fn step(&self, index: usize) -> Option<(Range<usize>, PixelGrid)> {
+        let columns = usize::from(self.num_columns);
+        let steps_per_row = columns.div_ceil(Self::STEP_PIXELS);
+        let row = index.checked_div(steps_per_row)?;
+        let column = (index % steps_per_row) * Self::STEP_PIXELS;
+        if row >= usize::from(self.num_rows) {
+            return None;
+        }
+        let num_columns = Self::STEP_PIXELS.min(columns - column);
+        let first = row * columns + column;
+        let grid = PixelGrid {
+            origin_m: [0, 1, 2].map(|i| {
+                self.origin_m[i]
+                    + row as f64 * self.row_step_m[i]
+                    + column as f64 * self.column_step_m[i]
+            }),
             column_step_m: self.column_step_m,
             row_step_m: [0.0; 3],
-            num_columns: self.num_columns.into(),
+            num_columns,
             num_rows: 1,
-        }
+        };
+        Some((first..first + num_columns, grid))
     }
 }

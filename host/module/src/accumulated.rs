@@ -115,12 +115,12 @@ pub fn by_host_core(
             if grid.patch == 0 {
                 image.weight_sum += map.header.weight_sum;
             }
-            let width = usize::from(grid.num_columns);
-            for (row, line) in (0..).zip(pixels.chunks_mut(width)) {
-                let weight = f32::from(map.header.num_pulses);
-                let inside = add_patch_map(line, &grid.row(row), &setup, &map, &kernel, weight)
-                    .expect("the line has the length of its grid");
-                image.left_out += (width - inside) as u64;
+            let weight = f32::from(map.header.num_pulses);
+            for (range, part) in (0..).map_while(|step| grid.step(step)) {
+                let pixels = &mut pixels[range];
+                let inside = add_patch_map(pixels, &part, &setup, &map, &kernel, weight)
+                    .expect("as many pixels as the grid has");
+                image.left_out += (pixels.len() - inside) as u64;
             }
         }
     }

@@ -10,7 +10,8 @@ use num_complex::{Complex32, Complex64};
 use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
 use subaperture_core::link::{
-    CHIP_PART_PIXELS, Command, Encoding, MAX_DETECTIONS, Refusal, Row, State, write_pixels,
+    CHIP_PART_PIXELS, ChipGrid, Command, Encoding, MAX_DETECTIONS, Refusal, Row, State,
+    write_pixels,
 };
 use subaperture_core::stream::{FloatBuffers, Setup};
 use subaperture_firmware::engine::WireEngine;
@@ -88,6 +89,39 @@ fn chip_of<'m>(
         row.values().collect::<Vec<_>>()
     });
     (count, weights, pixels.collect())
+}
+
+/// The steps of a chip cover its pixels in order, each once and at its position, in steps of at most 32.
+#[test]
+fn steps_of_chip_cover_its_pixels_in_order() {
+    for (num_columns, num_rows) in [(1, 1), (32, 3), (33, 2), (200, 5), (0, 4), (4, 0)] {
+        let chip = ChipGrid {
+            num_columns,
+            num_rows,
+            ..CHIP
+        };
+        let whole = PixelGrid {
+            origin_m: chip.origin_m,
+            column_step_m: chip.column_step_m,
+            row_step_m: chip.row_step_m,
+            num_columns: num_columns.into(),
+            num_rows: num_rows.into(),
+        };
+        let mut next = 0;
+        for (pixels, grid) in (0..).map_while(|step| chip.step(step)) {
+            assert!((1..=32).contains(&pixels.len()) && pixels.start == next);
+            assert_eq!(grid.num_pixels(), Some(pixels.len()));
+            for (column, pixel) in pixels.clone().enumerate() {
+                let columns = usize::from(num_columns);
+                let expected = whole.position_m(pixel / columns, pixel % columns);
+                let found = grid.position_m(0, column);
+                // Three products and sums of metres below 100: a few units of 1.4e-14 m.
+                assert!((0..3).all(|i| (found[i] - expected[i]).abs() < 1e-13));
+            }
+            next = pixels.end;
+        }
+        assert_eq!(next, chip.num_pixels());
+    }
 }
 
 /// Bench with both chips.

@@ -10,6 +10,8 @@ mod odometer;
 #[cfg(target_os = "none")]
 mod profiles;
 #[cfg(target_os = "none")]
+mod random;
+#[cfg(target_os = "none")]
 mod run;
 
 #[cfg(target_os = "none")]

@@ -98,13 +98,9 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         total_pulses: PULSES as u32,
         send_maps: true,
     });
-    let weight = (1.0 / FREQUENCIES as f32).to_le_bytes();
-    for place in samples.as_chunks_mut().0.iter_mut().take(FREQUENCIES) {
-        *place = weight;
-    }
     let weights = Command::Weights {
         first: 0,
-        weights: samples.get(..4 * FREQUENCIES)?,
+        weights: weights(FREQUENCIES, samples)?,
     };
     let patch = |index, patch| Command::Patch {
         index,
@@ -154,18 +150,8 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     let (mut receive, mut up_bytes) = (Cost::default(), 0);
     for (m, place) in pulses.iter_mut().enumerate() {
         *place = pulse(m);
-        let pulse = *place;
-        let samples = write_samples(m, samples)?;
-        let bytes = encoder
-            .encode(
-                &Command::Pulse {
-                    pulse,
-                    encoding: ENCODING,
-                    samples,
-                },
-                frame,
-            )
-            .ok()?;
+        let command = pulse_command(m, FREQUENCIES, samples)?;
+        let bytes = encoder.encode(&command, frame).ok()?;
         up_bytes += bytes.len();
         receive.add(meter.measure(board, || endpoint.receive(bytes)).0);
         drain(&mut endpoint);
@@ -217,6 +203,8 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     crate::odometer::run(board, meter, &mut endpoint, &mut encoder, talk)?;
     let talk = (samples.as_mut_slice(), frame.as_mut_slice());
     crate::profiles::run(board, meter, &mut endpoint, &mut encoder, talk)?;
+    let talk = (samples.as_mut_slice(), frame.as_mut_slice());
+    crate::random::run(board, meter, &mut endpoint, &mut encoder, talk)?;
     let stack_bytes = memory::stack_high_water_bytes();
     board.log(format_args!("stack {stack_bytes}"));
     (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())
@@ -282,6 +270,31 @@ fn pulse(m: usize) -> Pulse {
         reference_path_m: 1708.8,
         weight: 0.75,
     }
+}
+
+/// Equal weights of sum 1.
+pub(crate) fn weights(num_frequencies: usize, buffer: &mut [u8]) -> Option<&[u8]> {
+    let weight = (1.0 / num_frequencies as f32).to_le_bytes();
+    buffer
+        .as_chunks_mut()
+        .0
+        .get_mut(..num_frequencies)?
+        .fill(weight);
+    buffer.get(..4 * num_frequencies)
+}
+
+/// Pulse `m` of two scatterers, in the encoding of the engine.
+pub(crate) fn pulse_command(
+    m: usize,
+    num_frequencies: usize,
+    buffer: &mut [u8],
+) -> Option<Command<'_>> {
+    let samples = write_samples(m, buffer)?;
+    Some(Command::Pulse {
+        pulse: pulse(m),
+        encoding: ENCODING,
+        samples: samples.get(..ENCODING.sample_bytes() * num_frequencies)?,
+    })
 }
 
 /// Write the samples of two scatterers in the encoding of the engine.
