@@ -203,7 +203,7 @@ fn recordings_and_images_larger_than_budget_are_processed() {
     larger_than(128, &["pfa"]);
 }
 
-/// Some ten minutes and 5 GB of disk.
+/// More than half an hour, and 5 GB of disk.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn recordings_and_images_larger_than_a_gigabyte_are_processed() {
