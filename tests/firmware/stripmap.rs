@@ -1,5 +1,5 @@
 //! An image of a stripmap of 10,000 pulses, accumulated by the firmware under emulation: the bytes from the module are a hundredth of those
-//! to it. Five minutes for each arithmetic.
+//! to it. Five to ten minutes for each arithmetic.
 
 use crate::emulated::application;
 use serde_json::{Value, json};

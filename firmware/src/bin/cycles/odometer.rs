@@ -13,7 +13,7 @@ use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
 use subaperture_firmware::sizes::{CHANNELS, ODOMETER_BINS, ODOMETER_FREQUENCIES};
 
-use crate::run::{Cost, drain};
+use crate::run::{Cost, drain, give, stop};
 
 const STEP_HZ: f64 = 1e9 / ODOMETER_FREQUENCIES as f64;
 
@@ -60,8 +60,7 @@ pub(crate) fn run(
         id: 2,
         setup: SETUP,
     });
-    endpoint.receive(encoder.encode(&configuration, frame).ok()?);
-    drain(endpoint);
+    give(endpoint, encoder, &configuration, frame)?;
     let places = Command::Antennas {
         transmitters: 1,
         places: write_places(&antennas, samples)?,
@@ -70,8 +69,7 @@ pub(crate) fn run(
     let configure = meter.measure(board, || endpoint.receive(bytes)).0;
     drain(endpoint);
     let start = Command::Start { run: 2, first: 0 };
-    endpoint.receive(encoder.encode(&start, frame).ok()?);
-    drain(endpoint);
+    give(endpoint, encoder, &start, frame)?;
     (endpoint.state() == State::Running).then_some(())?;
     let (mut receive, mut work) = (Cost::default(), Cost::default());
     let (mut up_bytes, mut down_bytes) = (0, 0);
@@ -99,10 +97,7 @@ pub(crate) fn run(
         }
         down_bytes = drain(endpoint);
     }
-    endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
-    drain(endpoint);
-    while endpoint.work() {}
-    drain(endpoint);
+    stop(endpoint, encoder, frame)?;
     let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
     show("odometer_channels", CHANNELS as u64);
     show("odometer_frequencies", ODOMETER_FREQUENCIES as u64);

@@ -14,7 +14,7 @@ use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
 use subaperture_firmware::sizes::{CARRIERS, PROFILER_BINS};
 
-use crate::run::{Cost, drain};
+use crate::run::{Cost, give, stop};
 
 const SAMPLES: u32 = 512;
 /// Samples per message.
@@ -42,17 +42,14 @@ pub(crate) fn run(
         id: 3,
         setup: SETUP,
     });
-    endpoint.receive(encoder.encode(&configuration, frame).ok()?);
-    drain(endpoint);
+    give(endpoint, encoder, &configuration, frame)?;
     for first in (0..SETUP.carriers).step_by(32) {
         let weights = write_f32s(&[1.0 / CARRIERS as f32; 32], samples)?;
         let command = Command::Weights { first, weights };
-        endpoint.receive(encoder.encode(&command, frame).ok()?);
-        drain(endpoint);
+        give(endpoint, encoder, &command, frame)?;
     }
     let start = Command::Start { run: 3, first: 0 };
-    endpoint.receive(encoder.encode(&start, frame).ok()?);
-    drain(endpoint);
+    give(endpoint, encoder, &start, frame)?;
     (endpoint.state() == State::Running).then_some(())?;
     let (mut receive, mut work, mut send) = (Cost::default(), Cost::default(), Cost::default());
     let mut up_bytes = 0;
@@ -88,10 +85,7 @@ pub(crate) fn run(
         send.add(count);
         down_bytes += bytes;
     }
-    endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
-    drain(endpoint);
-    while endpoint.work() {}
-    drain(endpoint);
+    stop(endpoint, encoder, frame)?;
     let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
     show("profiler_carriers", CARRIERS as u64);
     show("profiler_samples", SAMPLES.into());

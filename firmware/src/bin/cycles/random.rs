@@ -14,7 +14,7 @@ use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
 use subaperture_firmware::sizes::{DOPPLER_BINS, FREQUENCIES, PULSES, RANGE_BINS};
 
-use crate::run::{Cost, drain, pulse_command, weights};
+use crate::run::{Cost, give, pulse_command, weights};
 
 const SETUPS: u32 = 12;
 
@@ -93,18 +93,12 @@ pub(crate) fn run(
             total_pulses: num_pulses as u32,
             send_maps: true,
         };
-        endpoint.receive(
-            encoder
-                .encode(&Command::Configure(configuration), frame)
-                .ok()?,
-        );
-        drain(endpoint);
+        give(endpoint, encoder, &Command::Configure(configuration), frame)?;
         let weights = Command::Weights {
             first: 0,
             weights: weights(num_frequencies, samples)?,
         };
-        endpoint.receive(encoder.encode(&weights, frame).ok()?);
-        drain(endpoint);
+        give(endpoint, encoder, &weights, frame)?;
         for command in [
             Command::Patch {
                 index: 0,
@@ -115,8 +109,7 @@ pub(crate) fn run(
             Command::Detect(detect),
             Command::Start { run: id, first: 0 },
         ] {
-            endpoint.receive(encoder.encode(&command, frame).ok()?);
-            drain(endpoint);
+            give(endpoint, encoder, &command, frame)?;
         }
         (endpoint.state() == State::Running).then_some(())?;
         for m in 0..num_pulses {

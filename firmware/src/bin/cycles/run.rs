@@ -142,8 +142,7 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         start,
     ];
     for command in &preparation {
-        endpoint.receive(encoder.encode(command, frame).ok()?);
-        drain(&mut endpoint);
+        give(&mut endpoint, &mut encoder, command, frame)?;
     }
     (endpoint.state() == State::Running).then_some(())?;
 
@@ -158,16 +157,9 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     }
     let full = map(board, meter, &mut endpoint, &FULL);
     let one = map(board, meter, &mut endpoint, &ONE_BIN);
-    endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
-    drain(&mut endpoint);
-    while endpoint.work() {}
-    drain(&mut endpoint);
-    endpoint.receive(
-        encoder
-            .encode(&Command::SendChip { patch: 0 }, frame)
-            .ok()?,
-    );
-    let chip_bytes = drain(&mut endpoint);
+    stop(&mut endpoint, &mut encoder, frame)?;
+    let send_chip = Command::SendChip { patch: 0 };
+    let chip_bytes = give(&mut endpoint, &mut encoder, &send_chip, frame)?;
     let nodes = meter
         .measure(board, || core::hint::black_box(nodes(pulses)))
         .0;
@@ -208,6 +200,29 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     let stack_bytes = memory::stack_high_water_bytes();
     board.log(format_args!("stack {stack_bytes}"));
     (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())
+}
+
+/// Give the endpoint a command, and remove its answers. Returns their size in bytes.
+pub(crate) fn give(
+    endpoint: &mut Endpoint<'_, Engine<'_>>,
+    encoder: &mut Encoder,
+    command: &Command<'_>,
+    frame: &mut [u8],
+) -> Option<usize> {
+    endpoint.receive(encoder.encode(command, frame).ok()?);
+    Some(drain(endpoint))
+}
+
+/// Stop the run, and remove the results of the work that is left.
+pub(crate) fn stop(
+    endpoint: &mut Endpoint<'_, Engine<'_>>,
+    encoder: &mut Encoder,
+    frame: &mut [u8],
+) -> Option<()> {
+    give(endpoint, encoder, &Command::Stop, frame)?;
+    while endpoint.work() {}
+    drain(endpoint);
+    Some(())
 }
 
 /// Remove everything that the endpoint has to send. Returns its size in bytes.
