@@ -286,7 +286,7 @@ impl Cfar {
         Ok(search.counts)
     }
 
-    /// Add the cells of a row to the column sums of row -1, whose ring contains the rows from 0 on.
+    /// Add the cells of a row to the column sums of row -1 if its ring contains that row.
     fn fill<P: Fn(usize, usize) -> Option<f32>>(
         &self,
         cells: &Cells<P>,

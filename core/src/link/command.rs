@@ -210,8 +210,9 @@ impl ChipGrid {
         usize::from(self.num_columns).saturating_mul(self.num_rows.into())
     }
 
-    /// Step `index` of adding a map: its pixels in row-major order, part of a row, and their grid. `None` after the last
-    /// step. A module adds maps step by step; the position of the first pixel of each step is rounded once.
+    /// Pixels of step `index`, as a range in row-major order, and their grid: at most [`Self::STEP_PIXELS`] neighbours in
+    /// one row. `None` after the last step. A module adds a map step by step; the position of a step's first pixel is
+    /// rounded once.
     pub fn step(&self, index: usize) -> Option<(Range<usize>, PixelGrid)> {
         let columns = usize::from(self.num_columns);
         let steps_per_row = columns.div_ceil(Self::STEP_PIXELS);
