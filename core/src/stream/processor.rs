@@ -87,6 +87,8 @@ pub struct SubCpiProcessor<'a, E: Engine> {
     /// Index of the patch being processed.
     patch: usize,
     stage: Stage,
+    /// Header of the completed map.
+    header: Option<MapHeader>,
     counters: PulseCounters,
     /// Saturation count of the engine at the start of the run.
     saturated_before: u32,
@@ -163,6 +165,7 @@ where
             next_pulse: 0,
             patch: 0,
             stage: Stage::Begin,
+            header: None,
             counters: PulseCounters::default(),
             saturated_before: 0,
         }
@@ -493,10 +496,11 @@ where
             }
             Stage::Ready => Stage::Ready,
         };
-        match self.stage {
-            Stage::Ready => Progress::Map,
-            _ => Progress::Busy,
+        if self.stage != Stage::Ready {
+            return Progress::Busy;
         }
+        self.header = map_header(&work, self.patch);
+        Progress::Map
     }
 
     /// Completed map, available until the next call of [`SubCpiProcessor::work`].
@@ -507,19 +511,26 @@ where
         let setup = self.setup.as_ref()?;
         let store = self.stores.get(self.working()?);
         let work = work(setup, self.patches.get(self.patch), self.weights, store)?;
-        let (first, last) = (work.pulses.first()?, work.pulses.last()?);
-        let header = MapHeader {
-            sub_cpi: first.number / u32::from(setup.num_pulses).max(1),
-            patch_index: self.patch as u16,
-            num_pulses: work.pulses.len() as u16,
-            patch: *work.patch,
-            time_s: [first.time_s, last.time_s],
-            weight_sum: work.pulses.iter().map(|pulse| pulse.weight).sum(),
-            nodes: nodes(work.pulses),
-        };
         let samples: MapSamples<'_> = self.engine.map(&work);
-        Some(PatchMap { header, samples })
+        Some(PatchMap {
+            header: self.header?,
+            samples,
+        })
     }
+}
+
+/// Header of the map of a sub-CPI and a patch.
+fn map_header<S>(work: &Work<'_, S>, patch: usize) -> Option<MapHeader> {
+    let (first, last) = (work.pulses.first()?, work.pulses.last()?);
+    Some(MapHeader {
+        sub_cpi: first.number / u32::from(work.setup.num_pulses).max(1),
+        patch_index: patch as u16,
+        num_pulses: work.pulses.len() as u16,
+        patch: *work.patch,
+        time_s: [first.time_s, last.time_s],
+        weight_sum: work.pulses.iter().map(|pulse| pulse.weight).sum(),
+        nodes: nodes(work.pulses),
+    })
 }
 
 /// Borrow the engine's input from the parts of a processor.
