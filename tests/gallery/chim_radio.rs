@@ -8,6 +8,7 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     Some(match id {
         "c-5-8" => chirps(),
         "c-5-13-radio" => through_the_radio(),
+        "c-5-13-module" => by_the_module(),
         _ => return None,
     })
 }
@@ -30,6 +31,34 @@ fn chirps() -> Vec<Figure> {
             "{} rad",
             [at_most(0.15)],
             "Fresnel's ripple of a chirp of 800 cycles",
+        ),
+    ]
+}
+
+/// The module's values are float32 over sums of 50 carriers and at most 16 blocks: -115 dB (`tests/stream/sweep.rs`).
+fn by_the_module() -> Vec<Figure> {
+    vec![
+        figure(
+            "module - host, RMS over RMS",
+            "not given",
+            "{} dB",
+            [Within(-170.0, -110.0)],
+            "float32",
+        ),
+        figure(
+            "values bit-identical to the core on this computer",
+            "not given",
+            "yes",
+            [],
+            "the same operations in the same order",
+        ),
+        figure(
+            "bytes from the module for each byte to it",
+            "not given",
+            "{}",
+            // 128 values of 8 bytes of 50 bursts of 8 bytes a sample, and the frames around them.
+            [Within(0.0025, 0.005)],
+            "sizes of the messages",
         ),
     ]
 }

@@ -69,7 +69,7 @@ macro_rules! gallery {
 
 gallery! {
     s_table_2_1 s_2_2 s_2_3 s_table_4_1 s_4_1 s_4_2 s_4_3 s_4_4 s_4_5 s_4_6 s_4_10 s_4_11 s_4_12 s_4_13 s_4_14 s_table_5_1 s_5_2
-    c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_5 c_5_8 c_5_13 c_5_13_radio c_6_6
+    c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_5 c_5_8 c_5_13 c_5_13_radio c_5_13_module c_6_6
     c_7_5 c_7_8 c_7_12 c_7_13
 }
 

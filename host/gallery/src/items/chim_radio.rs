@@ -1,6 +1,7 @@
 //! Radar on a software-defined radio (Chim 2018, 5.4 to 5.6), with a simulated radio that has the faults of an AD9361.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
 use num_complex::Complex64;
@@ -46,7 +47,7 @@ const LEAKAGE: Coupled = Coupled {
 /// Largest range evaluated, metres; there are no reflectors beyond the far wall.
 const REACH_M: f64 = 25.0;
 
-fn failed(error: &impl ToString) -> ItemError {
+pub(super) fn failed(error: &impl ToString) -> ItemError {
     ItemError::Measure(error.to_string())
 }
 
@@ -65,7 +66,7 @@ fn configuration(rate_hz: f64) -> Configuration {
 }
 
 /// Stepped plan: 1.1 to 1.3 GHz in 50 steps, a tone of 125 kHz in bursts of a millisecond.
-fn steps() -> plan::Plan {
+pub(super) fn steps() -> plan::Plan {
     plan::Plan {
         name: "C 5.6".to_owned(),
         start_hz: 1.1e9,
@@ -93,8 +94,13 @@ fn radio(experiment: &Experiment) -> Result<SimulatedRadio<'_>, RadioError> {
     SimulatedRadio::new(experiment, wiring, Analogue::b210())
 }
 
-/// Sweep with and without loop reference, and the number of bursts until the synthesisers settled.
-fn sweep(experiment: &Experiment, plan: &plan::Plan) -> Result<([Sweep; 2], u32), RadioError> {
+/// Sweep with and without loop reference, and the number of bursts until the synthesisers settled. Each burst whose reference
+/// is steady is passed to `accepted`: its step, the samples of reference and echo, and the lost ones.
+pub(super) fn sweep(
+    experiment: &Experiment,
+    plan: &plan::Plan,
+    mut accepted: impl FnMut(usize, &[Vec<Sample>; 2], &[Range<usize>]),
+) -> Result<([Sweep; 2], u32), RadioError> {
     let mut radio = radio(experiment)?;
     plan.check(&radio.about().ranges)?;
     radio.configure(&plan.radio)?;
@@ -124,6 +130,7 @@ fn sweep(experiment: &Experiment, plan: &plan::Plan) -> Result<([Sweep; 2], u32)
             if let Some(mixed) = mixed.filter(|mixed| mixed.unsteady <= plan.steady) {
                 sweeps[0].values[step] = Some(mixed.value);
                 sweeps[1].values[step] = Some(mixed.unreferred);
+                accepted(step, &channels, &received.lost);
                 break;
             }
         }
@@ -152,7 +159,9 @@ fn calibration(plan: &plan::Plan) -> Result<Calibration, ItemError> {
         reference: plan.reference,
         antennas: plan.antennas,
     };
-    let of = |experiment: &Experiment| sweep(experiment, plan).map_err(|error| failed(&error));
+    let of = |experiment: &Experiment| {
+        sweep(experiment, plan, |_, _, _| {}).map_err(|error| failed(&error))
+    };
     let ([sky, _], _) = of(&sky)?;
     let ([reflector, _], _) = of(&lone)?;
     Calibration::measure("", &setup, &sky, &reflector, RANGES_M[1], 2.0)
@@ -183,7 +192,8 @@ fn stepped(_: &Context) -> Result<Finding, ItemError> {
     let plan = steps();
     let calibration = calibration(&plan)?;
     let scene = experiment(true);
-    let ([with, without], bursts) = sweep(&scene, &plan).map_err(|error| failed(&error))?;
+    let ([with, without], bursts) =
+        sweep(&scene, &plan, |_, _, _| {}).map_err(|error| failed(&error))?;
     let profile = |sweep: &Sweep| {
         sweep
             .profile(Window::Hamming, 24, REACH_M)

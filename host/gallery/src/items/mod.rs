@@ -4,6 +4,7 @@ mod chim_ambiguity;
 mod chim_arrival;
 mod chim_autofocus;
 mod chim_increments;
+mod chim_module;
 mod chim_mpga;
 mod chim_mpga_pictures;
 mod chim_omega_k;
@@ -49,6 +50,7 @@ pub fn items() -> Vec<Item> {
         &chim_radio::CHIRP,
         &chim_stepped::ITEMS,
         &chim_radio::STEPPED,
+        &chim_module::MODULE,
         &chim_autofocus::ITEMS,
         &chim_arrival::ITEMS,
         &chim_mpga::ITEMS,
