@@ -242,6 +242,9 @@ fn plan_states_patches_that_fit_the_module() {
     assert_eq!(fixed["keeps_up"], true);
 
     assert_eq!(float["recommended"], "image");
+    let products = float["products"].as_array().unwrap();
+    let products: Vec<&Value> = products.iter().map(|load| &load["product"]).collect();
+    assert_eq!(products, ["maps", "image", "detections"]);
     // A module accumulates no image on a polar grid.
     let polar = "plan module --ram 512K --grid r=2:20:1,theta=0:90:3 a.cphd";
     let ran = run(folder.path(), &format!("{polar} --json"));

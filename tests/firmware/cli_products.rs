@@ -42,6 +42,15 @@ fn track_of_increments_follows_the_recorded_motion() {
     assert_eq!(report["ending"], "complete");
     let ratio = report["down_up_ratio"].as_f64().unwrap();
     assert!(ratio < 0.03, "{ratio}");
+    // The plan counts the content of the messages; frames, settings and statuses come in addition.
+    let planned = run(at, "plan module walk.cphd --ram 512K --json");
+    let planned: Value = serde_json::from_str(planned.succeeded()).unwrap();
+    let products = planned["products"].as_array().unwrap();
+    let increments = products.iter().find(|one| one["product"] == "increments");
+    let planned = increments.expect("increments")["down_up_ratio"][0]
+        .as_f64()
+        .unwrap();
+    assert!((1.0..1.5).contains(&(ratio / planned)), "{ratio} {planned}");
 
     let channels =
         open_channels::<String>(&at.join("walk.cphd"), None, &Options::default()).unwrap();

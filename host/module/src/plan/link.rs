@@ -1,10 +1,13 @@
-//! Link load of one sub-CPI: pulses to the module, maps from it; and of the whole recording with each product.
+//! Link load of one sub-CPI: pulses to the module, maps from it; and of the whole recording with each product, increments
+//! included.
 //!
 //! A byte takes ten bits: a start bit, eight data bits, a stop bit (8N1), in both directions at once. Only the content of the
 //! messages is counted, not framing, settings and repetitions.
 
-use subaperture_core::link::DETECTION_BYTES;
+use subaperture_core::link::{DETECTION_BYTES, Encoding};
 use subaperture_core::stream::BlockFloat;
+
+use subaperture_model::phase_history::Channels;
 
 use super::{ModulePlan, ModuleProduct};
 use crate::maps::Arithmetic;
@@ -27,11 +30,17 @@ const DETECTIONS_A_MAP: u64 = 32;
 /// Bytes of an image chip without its pixels: grid and counters.
 const CHIP_BYTES: u64 = 110;
 
+/// Bytes of a channel of a pulse without its samples: number, channel, reference path.
+const CHANNEL_BYTES: u64 = 4 + 2 + 8;
+
+/// Bytes of an increment: two pulse numbers, counts of targets and echoes, motion.
+const INCREMENT_BYTES: u64 = 2 * 4 + 2 * 2 + 1 + 24 + 4 + 2 * 2;
+
 /// Load of a product of the whole recording on the link.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ProductLoad {
     /// Product, as in `subap link --send`.
-    pub product: ModuleProduct,
+    pub product: &'static str,
     /// Fewest and most bytes from the module. They differ for detections: none, or 32 on every map.
     pub down_bytes: [u64; 2],
     /// The same for each byte to the module.
@@ -49,11 +58,8 @@ impl ProductLoad {
         let lists =
             |detections: u64| plan.num_maps() * (LIST_BYTES + DETECTION_BYTES as u64 * detections);
         let image = pixel_bytes * plan.num_pixels + CHIP_BYTES * plan.patches.len() as u64;
-        let load = |product, down_bytes: [u64; 2]| Self {
-            product,
-            down_bytes,
-            down_up_ratio: down_bytes.map(|bytes| bytes as f64 / up_bytes as f64),
-            transfer_s: seconds(up_bytes.max(down_bytes[1]), baud),
+        let load = |product: ModuleProduct, down_bytes| {
+            Self::new(product.name(), up_bytes, down_bytes, baud)
         };
         [
             load(
@@ -66,6 +72,24 @@ impl ProductLoad {
                 [lists(0), lists(DETECTIONS_A_MAP)],
             ),
         ]
+    }
+
+    /// Load of the motion increments of a recording with several channels, whose samples are sent as float32.
+    pub fn of_increments(channels: &Channels<'_>, baud: u32) -> Self {
+        let samples = channels.channel(0).collection().num_samples;
+        let channel_bytes = Encoding::Complex32.sample_bytes() * samples;
+        let pulses = channels.num_pulses() as u64;
+        let up_bytes = channels.len() as u64 * (CHANNEL_BYTES + channel_bytes as u64) * pulses;
+        Self::new("increments", up_bytes, [INCREMENT_BYTES * pulses; 2], baud)
+    }
+
+    fn new(product: &'static str, up_bytes: u64, down_bytes: [u64; 2], baud: u32) -> Self {
+        Self {
+            product,
+            down_bytes,
+            down_up_ratio: down_bytes.map(|bytes| bytes as f64 / up_bytes as f64),
+            transfer_s: seconds(up_bytes.max(down_bytes[1]), baud),
+        }
     }
 }
 

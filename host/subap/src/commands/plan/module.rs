@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use serde_json::json;
+use subaperture::io::open::{Options, open_channels};
 use subaperture::module::maps::Arithmetic;
 use subaperture::module::plan::{
     LinkBudget, ModuleCapacity, ModulePlan, ModuleProduct, ProductLoad, Requirements,
@@ -39,6 +40,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         plan: &plan,
         link: plan.link(typed.link),
         products: ProductLoad::of_each(&plan, typed.link),
+        increments: increments(session, typed),
         accumulates: ModuleProduct::Image.check_grid(&grid).is_ok(),
         period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
         patch_m: (!grid.polar).then(|| {
@@ -54,6 +56,21 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     }
     text::say(sheet.to_text())?;
     Ok(())
+}
+
+/// Load of motion increments, if the input is one recording with several channels of equal pulses.
+fn increments(session: &Session, typed: &PlanModule) -> Option<ProductLoad> {
+    let [input] = &typed.input.files[..] else {
+        return None;
+    };
+    let options = Options {
+        channel: None,
+        memory_bytes: session.memory_bytes,
+        settings: &typed.input.set,
+        inference: None,
+    };
+    let channels = open_channels::<String>(input, None, &options).ok()?;
+    (channels.len() > 1).then(|| ProductLoad::of_increments(&channels, typed.link))
 }
 
 /// Text about gaps in the track, if there are any.
@@ -76,6 +93,8 @@ struct Sheet<'a> {
     plan: &'a ModulePlan,
     link: LinkBudget,
     products: [ProductLoad; 3],
+    /// Of a recording with several channels.
+    increments: Option<ProductLoad>,
     /// Whether a module can accumulate an image on this grid.
     accumulates: bool,
     /// Interval between sub-CPIs, seconds.
@@ -85,6 +104,11 @@ struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
+    /// Loads of all products.
+    fn loads(&self) -> impl Iterator<Item = &ProductLoad> {
+        self.products.iter().chain(&self.increments)
+    }
+
     fn to_json(&self) -> serde_json::Value {
         let plan = self.plan;
         json!({
@@ -101,8 +125,8 @@ impl Sheet<'_> {
             "ram_allowed_bytes": self.typed.ram,
             "ram": plan.ram,
             "link": self.link,
-            "products": self.products,
-            "recommended": self.recommended().product,
+            "products": self.loads().collect::<Vec<_>>(),
+            "recommended": self.recommended(),
             "sub_cpi_s": self.period_s,
             "keeps_up": self.period_s.map(|period_s| self.link.keeps_up(period_s)),
             "patches_in_real_time": self.period_s.map(|period_s| self.link.patches_in(period_s)),
@@ -216,8 +240,7 @@ impl Sheet<'_> {
     /// Traffic of the whole recording with each product.
     fn product_facts(&self) -> Vec<Fact> {
         let mut facts: Vec<Fact> = self
-            .products
-            .iter()
+            .loads()
             .map(|load| {
                 let [least, most] = load.down_bytes.map(|count| bytes(count.into()));
                 let [least_ratio, most_ratio] = load
@@ -231,7 +254,7 @@ impl Sheet<'_> {
                     ),
                 };
                 (
-                    load.product.name(),
+                    load.product,
                     format!(
                         "{down} down for the whole recording, {ratio} of the bytes up; {:.3} s at {} baud",
                         load.transfer_s, self.link.baud
@@ -244,8 +267,8 @@ impl Sheet<'_> {
             "recommended",
             format!(
                 "--send {}{}",
-                recommended.product.name(),
-                match (recommended.product, self.plan.product) {
+                recommended.name(),
+                match (recommended, self.plan.product) {
                     (ModuleProduct::Image, ModuleProduct::Maps) =>
                         ", if the module has room for it: plan with --send image",
                     _ => "",
@@ -256,12 +279,12 @@ impl Sheet<'_> {
     }
 
     /// Of maps and image, which both give the image, the one with fewer bytes.
-    fn recommended(&self) -> &ProductLoad {
+    fn recommended(&self) -> ModuleProduct {
         let [maps, image, _] = &self.products;
         if self.accumulates && image.down_bytes[1] < maps.down_bytes[1] {
-            image
+            ModuleProduct::Image
         } else {
-            maps
+            ModuleProduct::Maps
         }
     }
 
