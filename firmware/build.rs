@@ -9,6 +9,7 @@ fn main() {
     println!("cargo::rerun-if-changed=memory-h743.x");
     println!("cargo::rerun-if-changed=memory-microbit.x");
     println!("cargo::rerun-if-changed=memory-virt.x");
+    println!("cargo::rustc-check-cfg=cfg(defmt_log)");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
@@ -18,6 +19,10 @@ fn main() {
         return;
     }
     let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
+    let defmt_log = has("DEFMT") && !has("NO_LOG");
+    if defmt_log {
+        println!("cargo::rustc-cfg=defmt_log");
+    }
     let map = if has("BOARD_H743") {
         "memory-h743.x"
     } else if has("BOARD_MICROBIT") {
@@ -32,7 +37,7 @@ fn main() {
     println!("cargo::rustc-link-search={}/..", env!("CARGO_MANIFEST_DIR"));
     for kind in ["bins", "examples"] {
         println!("cargo::rustc-link-arg-{kind}=-Tlink.x");
-        if has("DEFMT") {
+        if defmt_log {
             println!("cargo::rustc-link-arg-{kind}=-Tdefmt.x");
         }
     }

@@ -7,7 +7,7 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::{ExceptionFrame, exception};
 
-use crate::board;
+use crate::{board, log};
 
 /// Number of resets by [`die`] since power-on.
 pub fn resets() -> u32 {
@@ -19,6 +19,10 @@ pub fn resets() -> u32 {
 /// Log `reason`, count the reset, and reset the board.
 pub fn die(reason: core::fmt::Arguments<'_>) -> ! {
     board::log(reason);
+    count_and_reset()
+}
+
+fn count_and_reset() -> ! {
     let count = resets().wrapping_add(1);
     // SAFETY: see `RESETS`.
     unsafe { (&raw mut RESETS).write_volatile([count, !count]) };
@@ -54,16 +58,19 @@ fn panic(_info: &PanicInfo<'_>) -> ! {
 // except `RESETS`, and does not return.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    die(format_args!(
+    log!(
+        error,
         "hard fault at 0x{:08x}, called from 0x{:08x}",
         frame.pc(),
         frame.lr()
-    ))
+    );
+    count_and_reset()
 }
 
 /// Handler for every other exception and unhandled interrupt. Number -14 is the watchdog.
 // SAFETY: as above.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    die(format_args!("exception {number}"))
+    log!(error, "exception {}", number);
+    count_and_reset()
 }

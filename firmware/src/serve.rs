@@ -6,8 +6,9 @@ use embedded_io::{Read, ReadReady, Write, WriteReady};
 use crate::board::Board;
 use crate::endpoint::Endpoint;
 use crate::engine::WireEngine;
+use crate::log;
 use crate::memory;
-use subaperture_core::link::State;
+use subaperture_core::link::{Event, State};
 
 /// Maximum number of reads between two writes, so that neither direction starves.
 const READS: usize = 16;
@@ -37,7 +38,15 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E
             let sent = board.link().write(pending).unwrap_or(pending.len());
             endpoint.sent(sent);
         }
+        let before = board.ticks();
         let busy = endpoint.work();
+        if let Some(most_us) = B::MAX_STEP_US {
+            let ticks = board.ticks().wrapping_sub(before);
+            let taken_us = ticks.checked_div(B::TICKS_HZ / 1_000_000).unwrap_or(0);
+            if taken_us > most_us {
+                endpoint.record(Event::StepTooLong { taken_us, most_us });
+            }
+        }
         if busy != lit {
             lit = busy;
             // A light that cannot be switched is not a reason to stop.
@@ -45,11 +54,12 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E
         }
         let state = endpoint.state();
         if state != was && state == State::Done {
-            board.log(format_args!(
+            log!(
+                info,
                 "run done, {} of {} bytes of stack used",
                 memory::stack_high_water_bytes(),
                 memory::stack_bytes()
-            ));
+            );
         }
         was = state;
     }

@@ -240,6 +240,35 @@ fn unwritable_output_is_reported() {
     assert_eq!(listing(folder.path()), before);
 }
 
+#[test]
+fn events_of_the_module_are_printed_on_request() {
+    let folder = scene();
+    let elf = application()[0].display();
+    let line = format!("link emulate a.cphd -o a.maps {GRID} --firmware {elf} --force");
+    let quiet = run(folder.path(), &line);
+    quiet.succeeded();
+    assert!(!quiet.stderr.contains("module:"), "{}", quiet.stderr);
+    let ran = run(folder.path(), &format!("{line} --events info"));
+    ran.succeeded();
+    let events: Vec<&str> = ran
+        .stderr
+        .lines()
+        .filter(|l| l.contains("module:"))
+        .collect();
+    let [started, begun, ended] = events[..] else {
+        panic!("{}", ran.stderr);
+    };
+    assert_eq!(
+        started,
+        "note: module: info: program started, 0 resets after faults"
+    );
+    assert!(begun.ends_with(" started"), "{begun}");
+    assert!(
+        ended.contains(" ended: ") && ended.contains(" pulses accepted, "),
+        "{ended}"
+    );
+}
+
 /// Start `subap link` with `-v` and wait until the module begins to work.
 fn linking(folder: &Path, place: &str, more: &str) -> (Child, BufReader<impl Read + use<>>) {
     let line = format!("link {place} a.cphd -o a.maps -v {GRID} {more}");

@@ -143,19 +143,6 @@ fn reachable_panic_does_not_link() {
     build(&Build::example("panics", ""));
 }
 
-/// Logs as defmt frames link on both boards.
-#[test]
-fn defmt_links() {
-    for features in ["defmt", "board-h743,defmt"] {
-        let elf = build(&Build::bin("application", features));
-        // Section of the texts that defmt's frames refer to.
-        assert!(
-            sections(&elf).iter().any(|s| s.name == ".defmt"),
-            "{features}"
-        );
-    }
-}
-
 #[test]
 fn stage_costs_agree_with_documentation() {
     let elf = build(&Build::bin("cycles", ""));

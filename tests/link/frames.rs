@@ -2,7 +2,7 @@
 
 use subaperture_core::Pulse;
 use subaperture_core::link::{
-    Command, Damage, Encoder, Encoding, LinkCounters, Receiver, Report, max_frame_bytes,
+    Command, Damage, Encoder, Encoding, Event, LinkCounters, Receiver, Report, max_frame_bytes,
     max_received_bytes,
 };
 use subaperture_tests::fuzz::stuffing;
@@ -313,7 +313,8 @@ fn message_of_other_direction_is_malformed() {
     let mut encoder = Encoder::new();
     let (mut wire, mut buffer) = ([0; 64], [0; 64]);
     let mut line = Vec::new();
-    for report in [Report::Log { text: "one" }, Report::Log { text: "two" }] {
+    for run in [1, 2] {
+        let report = Report::Event(Event::RunStarted { run });
         line.extend_from_slice(encoder.encode(&report, &mut wire).expect("room"));
     }
     line.extend_from_slice(encoder.encode(&Command::Stop, &mut wire).expect("room"));

@@ -3,9 +3,9 @@
 use subaperture_core::Pulse;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
-    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, ImageCapacity, Increment,
-    LinkCounters, Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status,
-    SweepConfiguration,
+    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, Event, ImageCapacity,
+    Increment, Level, LinkCounters, Motion, MotionConfiguration, ProfileHeader, Refusal, Report,
+    State, Status, SweepConfiguration,
 };
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
@@ -127,6 +127,9 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
         Command::Sweep { sweep: 70_000 },
         Command::Accumulated { first: 512 },
         Command::SendChip { patch: 3 },
+        Command::Log {
+            least: Some(Level::Warn),
+        },
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -249,9 +252,10 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
                 most: 4096,
             }),
         },
-        Report::Log {
-            text: "ready: 25 °C",
-        },
+        Report::Event(Event::StepTooLong {
+            taken_us: 90_001,
+            most_us: 88_888,
+        }),
         Report::Increment(Increment {
             pulse: 70_001,
             since: 70_000,
@@ -356,7 +360,7 @@ const GOLDEN_GRID: ChipGrid = ChipGrid {
 };
 
 // Generated from the tables in `subaperture_core::link` by a program in another language with another CRC library.
-const COMMAND_FRAMES: [&str; 19] = [
+const COMMAND_FRAMES: [&str; 20] = [
     // Hello
     "02020101010102a8030afc00",
     // Configure
@@ -400,6 +404,8 @@ const COMMAND_FRAMES: [&str; 19] = [
     "0302110101081180047bdaa4c700",
     // SendChip
     "0302120101071203ae4c10a500",
+    // Log
+    "030213010108130101b9424d0100",
 ];
 const REPORT_FRAMES: [&str; 20] = [
     // Identity
@@ -427,8 +433,8 @@ const REPORT_FRAMES: [&str; 20] = [
     "03020801010508050403030110010328410103e8400103c84201010640703f2f8200",
     // Refused
     "0302090101040911030a0588278020b3d3f84700",
-    // Log
-    "03020a0101140a0d72656164793a20323520c2b04368053ed500",
+    // Event
+    "03020a01010d0a0991bf05b8b605bbba8cfb00",
     // Increment
     "03020b01010c0bf1a204f0a20404ac0201010101010103503f010101010103e0bf010101010103d03f0101083e0301\
      126744d300",

@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::Message;
+use super::{Level, Message};
 use crate::Pulse;
 use crate::accumulate::PixelGrid;
 use crate::cfar::Cfar;
@@ -117,6 +117,11 @@ pub enum Command<'a> {
     SendChip {
         /// Index of the patch.
         patch: u16,
+    },
+    /// Request events ([`super::Report::Event`]), until the next reset. The first one is [`super::Event::Started`].
+    Log {
+        /// Least severe level to send. `None` for no events, as after a reset.
+        least: Option<Level>,
     },
 }
 

@@ -59,6 +59,7 @@
 //! | 16 | `Sweep` | sweep `u32` |
 //! | 17 | `Accumulated` | first `u32` |
 //! | 18 | `SendChip` | patch `u16` |
+//! | 19 | `Log` | least level, if any |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -74,7 +75,7 @@
 //! | 7 | `ChipEnd` | chip `u32`, parts `u16`, crc `u32` |
 //! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
 //! | 9 | `Refused` | sequence `u32`, refusal |
-//! | 10 | `Log` | text `text` |
+//! | 10 | `Event` | event |
 //! | 11 | `Increment` | pulse `u32`, since `u32`, targets `u16`, echoes `u16`, motion, if any |
 //! | 12 | `ProfileStart` | profile `u32`, profile header |
 //! | 13 | `ProfileRow` | profile `u32`, row `u16`, samples `bytes` (8 each) |
@@ -99,6 +100,9 @@
 //! | arithmetic | 0 `Float`, 1 `Fixed` |
 //! | capacity | pulses, frequencies, range bins, Doppler bins, patches, `u16` each |
 //! | image capacity | pixels `u32`, sub-CPIs `u32` |
+//! | least level, if any | `u8` 0 for none; 1, level |
+//! | level | 0 `Info`, 1 `Warn`, 2 `Error` |
+//! | event | 0 `Started` faults `u32`, 1 `RunStarted` run `u32`, 2 `RunEnded` run `u32` pulses `u32` maps `u32`, 3 `Refused` refusal, 4 `FramesDamaged` frames `u32`, 5 `FramesLost` frames `u32`, 6 `PulsesDropped` pulses `u32`, 7 `SamplesAtLimit` samples `u32`, 8 `ResultsSaturated` results `u32`, 9 `StepTooLong` taken `u32` most `u32` (microseconds), 10 `EventsDropped` events `u32` |
 //! | state | 0 `Idle`, 1 `Ready`, 2 `Running`, 3 `Finishing`, 4 `Done` |
 //! | link counters | frames, corrupt, malformed, too long, version, lost, repeated, `u32` each |
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
@@ -160,6 +164,9 @@
 //!   sub-CPI that some chips contain: the run is over when `Status` says so. `Accumulated` is answered by the list of
 //!   the sub-CPIs added, from which the host derives the sub-CPIs to repeat. `SendChip` between runs is answered by `ChipStart`,
 //!   `ChipPart` and `ChipEnd`. A host that does not receive all of them repeats it. `Configure` discards the chips.
+//! - `Log` is not answered by `Status` but by the event `Started`, if its level is requested. Events follow whenever the
+//!   line has no other report to send; those that find the module's queue full are dropped and counted. `Log` may be
+//!   repeated.
 //! - Maps are not retransmitted. An incomplete map is lost and the rest of the run is not affected. The last `Status`
 //!   of the run states the number of maps.
 //! - A host that drops a frame as [`Damage::Repeated`] sends `Hello`: the module has restarted.
@@ -174,6 +181,7 @@
 
 mod assembly;
 mod command;
+mod event;
 mod frame;
 mod profiles;
 mod receiver;
@@ -186,6 +194,7 @@ pub use assembly::{
 pub use command::{
     ChipGrid, Command, Configuration, Encoding, MotionConfiguration, SweepConfiguration,
 };
+pub use event::{Event, Level};
 pub use frame::{
     EncodeError, Encoder, MAX_MESSAGE_BYTES, Message, OVERHEAD_BYTES, PROTOCOL_VERSION,
     max_frame_bytes, max_received_bytes,

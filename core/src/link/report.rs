@@ -4,12 +4,12 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ChipGrid, Encoding, LinkCounters, MAX_ANTENNAS, Message};
+use super::{ChipGrid, Encoding, Event, LinkCounters, MAX_ANTENNAS, Message};
 use crate::motion::{self, Step};
 use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
 use crate::sweep;
 
-/// Maximum length in bytes of the text of [`Report::Log`] and the version of [`Report::Identity`].
+/// Maximum length in bytes of the version of [`Report::Identity`].
 pub const MAX_TEXT_BYTES: usize = 160;
 
 /// Maximum length in bytes of the list of a [`Report::Accumulated`]: short, since short frames are less likely to be
@@ -121,11 +121,8 @@ pub enum Report<'a> {
         /// Reason of the refusal.
         what: Refusal,
     },
-    /// Log message for the operator.
-    Log {
-        /// Text of at most [`MAX_TEXT_BYTES`].
-        text: &'a str,
-    },
+    /// Event for the operator, sent if [`super::Command::Log`] requested its level.
+    Event(Event),
     /// Radar motion estimated from a pulse.
     Increment(Increment),
     /// Start of a range profile.

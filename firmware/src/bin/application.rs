@@ -5,27 +5,27 @@
 mod target {
     use cortex_m_rt::entry;
     use subaperture_core::accumulate::ChipKernel;
-    use subaperture_firmware::board::{Board, Current};
+    use subaperture_firmware::board::{self, Board, Current};
     use subaperture_firmware::serve::serve;
-    use subaperture_firmware::{fault, module, sizes};
+    use subaperture_firmware::{fault, log, module, sizes};
 
     #[entry]
     fn main() -> ! {
-        let Some(mut board) = Current::take() else {
+        let Some(board) = Current::take() else {
             fault::die(format_args!("board already taken at program start"));
         };
-        board.log(format_args!(
-            "subaperture {} {} on {}, {} resets",
+        log!(
+            info,
+            "subaperture {} {} on {}",
             env!("CARGO_PKG_VERSION"),
             sizes::NAME,
-            Current::NAME,
-            fault::resets()
-        ));
+            Current::NAME
+        );
         let kernel = ChipKernel::new();
         let Some(endpoint) = module::endpoint(&kernel) else {
             fault::die(format_args!("buffer already taken at program start"));
         };
-        serve(board, endpoint)
+        serve(board, endpoint.with_log(board::log_event, fault::resets()))
     }
 }
 

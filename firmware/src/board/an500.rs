@@ -35,6 +35,8 @@ impl Board for An500 {
     type Light = Light;
     const NAME: &'static str = "mps2-an500";
     const TICKS_HZ: u32 = CLOCK_HZ;
+    // Its time is that of the emulator's computer.
+    const MAX_STEP_US: Option<u32> = None;
     const WATCHDOG_MS: u32 = 2000;
 
     fn take() -> Option<Self> {

@@ -1,13 +1,13 @@
 //! ARM CMSDK peripherals (DDI 0479) of the AN500: their registers, and the log on UART1.
 
-#[cfg(not(feature = "defmt"))]
+#[cfg(not(defmt_log))]
 use super::uart;
 
 pub(super) const CLOCK_HZ: u32 = 25_000_000;
 pub(super) const BAUD: u32 = 921_600;
 
 /// Write a line of log to UART1.
-#[cfg(not(feature = "defmt"))]
+#[cfg(not(defmt_log))]
 pub(super) fn line(message: core::fmt::Arguments<'_>) {
     let registers = Registers(0x4000_5000);
     // Set up every time, since a line may be logged before any other initialisation.
@@ -18,10 +18,10 @@ pub(super) fn line(message: core::fmt::Arguments<'_>) {
 }
 
 /// UART1 as a text output.
-#[cfg(not(feature = "defmt"))]
+#[cfg(not(defmt_log))]
 struct Log(Registers);
 
-#[cfg(not(feature = "defmt"))]
+#[cfg(not(defmt_log))]
 impl core::fmt::Write for Log {
     fn write_str(&mut self, text: &str) -> core::fmt::Result {
         for byte in text.bytes() {

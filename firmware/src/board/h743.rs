@@ -28,7 +28,9 @@ bind_interrupts!(struct Interrupts {
     USART3 => usart::BufferedInterruptHandler<USART3>;
 });
 
-static RECEIVED: ConstStaticCell<[u8; 8192]> = ConstStaticCell::new([0; 8192]);
+const RECEIVE_BYTES: usize = 8192;
+
+static RECEIVED: ConstStaticCell<[u8; RECEIVE_BYTES]> = ConstStaticCell::new([0; RECEIVE_BYTES]);
 static TO_SEND: ConstStaticCell<[u8; 2048]> = ConstStaticCell::new([0; 2048]);
 
 /// Nucleo-H743ZI2 board.
@@ -44,6 +46,8 @@ impl Board for H743 {
     type Light = Output<'static>;
     const NAME: &'static str = "nucleo-h743zi2";
     const TICKS_HZ: u32 = 400_000_000;
+    // A byte takes ten bits.
+    const MAX_STEP_US: Option<u32> = Some(RECEIVE_BYTES as u32 * 10 * 1000 / (BAUD / 1000));
     const WATCHDOG_MS: u32 = 2000;
 
     fn take() -> Option<Self> {

@@ -19,6 +19,9 @@ pub trait Board: Sized {
     const NAME: &'static str;
     /// Rate of [`Board::ticks`] in hertz.
     const TICKS_HZ: u32;
+    /// Maximum duration of a processing step in microseconds: that which fills the receive buffer of the link. `None` where
+    /// the counter does not measure the time of the processor.
+    const MAX_STEP_US: Option<u32>;
     /// Watchdog timeout in milliseconds.
     const WATCHDOG_MS: u32;
 

@@ -7,7 +7,7 @@ mod cmsdk;
 #[cfg(feature = "board-h743")]
 mod h743;
 mod interface;
-#[cfg(all(not(feature = "defmt"), feature = "board-microbit"))]
+#[cfg(all(not(defmt_log), feature = "board-microbit"))]
 mod semihosting;
 #[cfg(feature = "board-an500")]
 mod uart;
@@ -18,7 +18,7 @@ pub use an500::{An500, An500 as Current, UartError};
 #[cfg(feature = "board-h743")]
 pub use h743::{H743, H743 as Current, SerialLink};
 pub use interface::Board;
-pub use unowned::{end, log, reset};
+pub use unowned::{end, log, log_event, reset};
 
 #[cfg(not(any(
     feature = "board-an500",

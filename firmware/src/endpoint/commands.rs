@@ -1,7 +1,7 @@
 //! Execution of commands from the host, and reasons to refuse them.
 
 use subaperture_core::Pulse;
-use subaperture_core::link::{self, Command, Refusal, State, f32s};
+use subaperture_core::link::{self, Command, Event, Refusal, State, f32s};
 use subaperture_core::stream::{Patch, PulseError};
 
 use super::module::Module;
@@ -20,6 +20,7 @@ impl<E: WireEngine> Module<'_, E> {
                 | Command::Sweep { .. }
                 | Command::Accumulated { .. }
                 | Command::SendChip { .. }
+                | Command::Log { .. }
         );
         let refusal = match *command {
             Command::Hello => {
@@ -83,10 +84,17 @@ impl<E: WireEngine> Module<'_, E> {
                 Ok(())
             }
             Command::SendChip { patch } => self.send_chip(patch),
+            Command::Log { least } => {
+                self.events.request(least);
+                Ok(())
+            }
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
-            Err(refusal) => self.due.refusal = Some((sequence, refusal)),
+            Err(refusal) => {
+                self.events.record(Event::Refused(refusal));
+                self.due.refusal = Some((sequence, refusal));
+            }
         }
     }
 

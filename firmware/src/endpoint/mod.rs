@@ -12,20 +12,22 @@
 //!                                                                    -> rows -> frame -> pending
 //! ```
 //!
-//! **Order of sending**: identity, refusals, status, list of accumulated sub-CPIs, then the current map, its detections, or
-//! a chip. The buffer holds one frame at a time.
+//! **Order of sending**: identity, refusals, status, list of accumulated sub-CPIs, events, then the current map, its
+//! detections, or a chip. The buffer holds one frame at a time.
 //!
 //! | file | content |
 //! |---|---|
 //! | this one | the endpoint |
 //! | `module` | its state |
 //! | `commands` | execution of commands, and reasons to refuse them |
+//! | `events` | events for the log of the board and for the host |
 //! | `increments`, `increment_runs` | state of runs that produce motion increments, and the runs |
 //! | `profiles`, `profile_runs` | state of runs that produce range profiles, and the runs |
 //! | `reports` | reports to the host, one frame at a time |
 //! | `work` | the order of work |
 
 mod commands;
+mod events;
 mod increment_runs;
 mod increments;
 mod module;
@@ -35,11 +37,12 @@ mod reports;
 mod transfer;
 mod work;
 
+use events::Events;
 use increments::Increments;
 use module::{Due, Module};
 use profiles::Profiles;
 
-use subaperture_core::link::{Command, Encoder, Received, Receiver, State};
+use subaperture_core::link::{Command, Encoder, Event, Received, Receiver, State};
 use subaperture_core::stream::SubCpiProcessor;
 
 use crate::engine::WireEngine;
@@ -107,6 +110,7 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
                 pulse_refused: false,
                 increments: Increments::default(),
                 profiles: Profiles::default(),
+                events: Events::new(),
             },
         }
     }
@@ -123,6 +127,18 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
     pub fn with_profiler(mut self, profiler: &'a mut dyn WireProfiler) -> Self {
         self.module.profiles = Profiles::with(profiler);
         self
+    }
+
+    /// Pass events to a log, which must not block. `faults` is the number of resets after faults since power-on.
+    #[must_use]
+    pub fn with_log(mut self, log: fn(&Event), faults: u32) -> Self {
+        self.module.events.start(log, faults);
+        self
+    }
+
+    /// Log an event of the program around the endpoint, and send it if the host requested its level.
+    pub fn record(&mut self, event: Event) {
+        self.module.events.record(event);
     }
 
     /// Process received bytes.

@@ -3,6 +3,7 @@
 use subaperture_core::link::{Encoder, Refusal, State};
 use subaperture_core::stream::SubCpiProcessor;
 
+use super::events::Events;
 use super::increments::Increments;
 use super::profiles::Profiles;
 use super::transfer::Transfer;
@@ -51,4 +52,5 @@ pub(super) struct Module<'a, E: WireEngine> {
     pub(super) pulse_refused: bool,
     pub(super) increments: Increments<'a>,
     pub(super) profiles: Profiles<'a>,
+    pub(super) events: Events,
 }

@@ -56,7 +56,7 @@ impl<E: WireEngine> Module<'_, E> {
         if self.due.status || more_credit {
             self.due.status = false;
             self.reported_credit = credit;
-            let report = Report::Status(Status {
+            let status = Status {
                 state: self.state,
                 configuration: self.configuration,
                 run: self.run.unwrap_or(0),
@@ -65,14 +65,19 @@ impl<E: WireEngine> Module<'_, E> {
                 maps: self.maps,
                 link,
                 pulses,
-            });
-            self.pending = send(&mut self.encoder, self.frame, &report);
+            };
+            self.events.compare(&status);
+            self.pending = send(&mut self.encoder, self.frame, &Report::Status(status));
             return;
         }
         if let Some(first) = self.due.accumulated.take() {
             let bits = self.products.accumulated(first);
             let report = Report::Accumulated { first, bits };
             self.pending = send(&mut self.encoder, self.frame, &report);
+            return;
+        }
+        if let Some(event) = self.events.next() {
+            self.pending = send(&mut self.encoder, self.frame, &Report::Event(event));
             return;
         }
         self.next_part();

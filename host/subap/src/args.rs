@@ -34,6 +34,7 @@ use subaperture::geometry::{Geodetic, ImageGrid};
 use subaperture::module::link::ModuleAddress;
 use subaperture::module::plan::ModuleProduct;
 use subaperture::simulate::{Preset, scenario};
+use subaperture_core::link::Level;
 
 use crate::failure::Usage;
 pub(crate) use autofocus::{Autofocus, AutofocusSettings, Method};
@@ -216,6 +217,27 @@ fn channels_of_job<'de, D: Deserializer<'de>>(
     settings::parsed_by(from, several_channels).map(Some)
 }
 
+/// Least severe level of the module's events to print.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EventLevel {
+    /// Starts and ends of runs
+    Info,
+    /// Lost or refused input
+    Warning,
+    /// Resets after faults
+    Error,
+}
+
+impl From<EventLevel> for Level {
+    fn from(level: EventLevel) -> Self {
+        match level {
+            EventLevel::Info => Self::Info,
+            EventLevel::Warning => Self::Warn,
+            EventLevel::Error => Self::Error,
+        }
+    }
+}
+
 /// Product that a module sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Sent {
@@ -306,6 +328,10 @@ pub(crate) struct Link {
     /// not with --send detections
     #[arg(long)]
     pub(crate) verify: bool,
+
+    /// Print the module's events from this level on
+    #[arg(long, value_name = "LEVEL")]
+    pub(crate) events: Option<EventLevel>,
 
     /// PNG file of the image so far, updated about once a second; only with --send maps
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]

@@ -4,8 +4,8 @@ use num_complex::Complex32;
 use subaperture_core::accumulate::ChipKernel;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
 use subaperture_core::link::{
-    CHIP_PART_PIXELS, ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, Increment,
-    MapAssembly, ProfileAssembly, Receiver, Refusal, Report, State, Status, detections,
+    CHIP_PART_PIXELS, ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, Event,
+    Increment, MapAssembly, ProfileAssembly, Receiver, Refusal, Report, State, Status, detections,
     max_frame_bytes, max_received_bytes, sc16s, write_complex32s, write_f32s, write_sc16s,
 };
 use subaperture_core::motion::Odometer;
@@ -85,6 +85,7 @@ pub(crate) struct Bench<E: WireEngine + 'static> {
     /// Whether configurations request maps.
     pub(crate) send_maps: bool,
     pub(crate) increments: Vec<Increment>,
+    pub(crate) events: Vec<Event>,
     pub(crate) profile: ProfileAssembly<'static>,
     pub(crate) profiles: Vec<ProfileCame>,
 }
@@ -141,6 +142,7 @@ impl<E: WireEngine + 'static> Bench<E> {
             accumulated: None,
             send_maps: true,
             increments: Vec::new(),
+            events: Vec::new(),
             profile: ProfileAssembly::new(vec![0; 8 * BINS].leak()),
             profiles: Vec::new(),
         }
@@ -224,6 +226,7 @@ impl<E: WireEngine + 'static> Bench<E> {
                     self.accumulated = Some((first, bits.to_vec()));
                 }
                 Report::Increment(increment) => self.increments.push(increment),
+                Report::Event(event) => self.events.push(event),
                 _ => {}
             }
         }
@@ -386,7 +389,7 @@ pub(crate) const CHIP: ChipGrid = ChipGrid {
     num_rows: 10,
 };
 
-pub(crate) fn cfar(false_alarm_probability: f64) -> Cfar {
+pub(crate) const fn cfar(false_alarm_probability: f64) -> Cfar {
     Cfar {
         range: TrainingWindow {
             guard: 2,

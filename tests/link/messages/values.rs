@@ -3,8 +3,9 @@
 use proptest::prelude::*;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
-    Arithmetic, ChipGrid, Command, Configuration, Encoding, ImageCapacity, Increment, LinkCounters,
-    Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status, SweepConfiguration,
+    Arithmetic, ChipGrid, Command, Configuration, Encoding, Event, ImageCapacity, Increment, Level,
+    LinkCounters, Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status,
+    SweepConfiguration,
 };
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
@@ -188,6 +189,14 @@ impl Values {
             Command::Sweep { sweep: self.long },
             Command::Accumulated { first: self.other },
             Command::SendChip { patch: self.short },
+            Command::Log {
+                least: [
+                    None,
+                    Some(Level::Info),
+                    Some(Level::Warn),
+                    Some(Level::Error),
+                ][usize::from(self.byte % 4)],
+            },
         ]
     }
 
@@ -273,6 +282,31 @@ impl Values {
         all
     }
 
+    fn events(&self) -> Vec<Event> {
+        let (one, other) = (self.long, self.other);
+        let mut all = vec![
+            Event::Started { faults: one },
+            Event::RunStarted { run: one },
+            Event::RunEnded {
+                run: one,
+                pulses: other,
+                maps: self.short.into(),
+            },
+            Event::FramesDamaged { frames: one },
+            Event::FramesLost { frames: one },
+            Event::PulsesDropped { pulses: other },
+            Event::SamplesAtLimit { samples: one },
+            Event::ResultsSaturated { results: other },
+            Event::StepTooLong {
+                taken_us: one,
+                most_us: other,
+            },
+            Event::EventsDropped { events: one },
+        ];
+        all.extend(self.refusals().into_iter().map(Event::Refused));
+        all
+    }
+
     pub(super) fn reports(&self) -> Vec<Report<'_>> {
         let (map, chip, crc, rows) = (self.long, self.long, self.other, self.short);
         let node = Node {
@@ -345,7 +379,6 @@ impl Values {
                 total: rows,
                 list: &self.bytes,
             },
-            Report::Log { text: &self.text },
             Report::ProfileStart {
                 profile: self.long,
                 header: ProfileHeader {
@@ -419,6 +452,7 @@ impl Values {
                 },
             })
         }));
+        all.extend(self.events().into_iter().map(Report::Event));
         all.extend(self.refusals().into_iter().map(|what| Report::Refused {
             sequence: self.long,
             what,

@@ -165,7 +165,7 @@ impl Ear {
                 Report::Accumulated { .. } => "accumulated",
                 Report::Detections { .. } => "detections",
                 Report::Refused { .. } => "refused",
-                Report::Log { .. } => "log",
+                Report::Event(_) => "event",
                 Report::Increment(_) => "increment",
                 Report::ProfileStart { .. }
                 | Report::ProfileRow { .. }

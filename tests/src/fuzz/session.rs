@@ -8,7 +8,9 @@ use std::io;
 use std::time::Duration;
 
 use subaperture::module::link::{Buffers, Counts, Session, SessionObserver, Settings, Transport};
-use subaperture_core::link::{Encoder, Encoding, Refusal, Report, State, Status, max_frame_bytes};
+use subaperture_core::link::{
+    Encoder, Encoding, Event, Level, Refusal, Report, State, Status, max_frame_bytes,
+};
 use subaperture_core::stream::FloatEngine;
 use subaperture_firmware::endpoint::Endpoint;
 
@@ -116,9 +118,9 @@ impl Hostile<'_> {
             State::Done,
         ];
         let report = match self.next() % 4 {
-            0 => Report::Log {
-                text: "\u{1b}[2J\u{9b}31m\u{7}wrong\r\n",
-            },
+            0 => Report::Event(Event::FramesLost {
+                frames: self.number(),
+            }),
             1 => Report::Refused {
                 sequence: self.number(),
                 what: Refusal::PulseLength {
@@ -177,7 +179,6 @@ impl Transport for Hostile<'_> {
     }
 }
 
-/// Texts from the module are shown without control characters, which would reach a terminal.
 struct Listener;
 
 impl SessionObserver for Listener {
@@ -185,8 +186,8 @@ impl SessionObserver for Listener {
         assert!(counts.maps_taken <= counts.maps_wanted);
     }
 
-    fn log(&mut self, text: &str) {
-        assert!(!text.chars().any(char::is_control), "{text:?}");
+    fn event(&mut self, event: &Event) {
+        assert!(event.level() >= Level::Info && !event.to_string().is_empty());
     }
 }
 
@@ -208,6 +209,7 @@ pub(super) fn read(bytes: &[u8]) -> String {
         retries: 1,
         rate_hz: None,
         first_number: 77,
+        events: Some(Level::Info),
     };
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = match Session::open(&mut module, &mut buffers, settings, &mut Listener) {

@@ -3,7 +3,7 @@
 use num_complex::Complex;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
-    ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, MapAssembly,
+    ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, Event, MapAssembly,
     Message, MotionConfiguration, ProfileAssembly, Receiver, Refusal, Report, State, Status,
     SweepConfiguration, detections, max_frame_bytes, max_received_bytes, write_complex32s,
     write_f32s, write_pairs, write_places,
@@ -221,7 +221,10 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
                 got: 4,
             },
         },
-        Report::Log { text: "a line" },
+        Report::Event(Event::StepTooLong {
+            taken_us: 300,
+            most_us: 200,
+        }),
     ] {
         rare.say(&report);
     }

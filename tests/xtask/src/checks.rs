@@ -23,8 +23,8 @@ const CLIPPY: [(&str, &str); 4] = [
         "board-h743,size-large",
     ),
     (
-        "clippy, firmware, STM32H743, fixed, defmt",
-        "board-h743,fixed,defmt",
+        "clippy, firmware, STM32H743, fixed, no log",
+        "board-h743,fixed,no-log",
     ),
 ];
 

@@ -72,7 +72,7 @@ const ALL: [Build<'static>; 28] = [
     Build::bin("application", "size-small,fixed,board-h743"),
     Build::bin("application", "size-large,board-h743"),
     Build::bin("application", "defmt"),
-    Build::bin("application", "board-h743,defmt"),
+    Build::bin("application", "board-h743,no-log"),
     Build {
         target: "aarch64-unknown-linux-musl",
         ..Build::bin("stream_selftest", "")

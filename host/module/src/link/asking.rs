@@ -15,7 +15,6 @@ use subaperture_core::link::{
 
 use super::conversation::TICK;
 use super::ending::LinkError;
-use super::identity::printable;
 use super::session::{Session, SessionObserver};
 
 /// Minimum number of attempts, in addition to the time limit [`super::Settings::idle`].
@@ -84,6 +83,9 @@ impl Session<'_> {
         configure: &[Command<'_>],
         watch: &mut dyn SessionObserver,
     ) -> Result<(), LinkError> {
+        if let least @ Some(_) = self.ledger.settings.events {
+            self.connection.line.outbox.send(&Command::Log { least });
+        }
         self.ask(&[&[Command::Abort], configure].concat(), watch, |status| {
             status.configuration == id && status.state == State::Ready
         })?;
@@ -155,7 +157,7 @@ impl Session<'_> {
                     news.status = Some(status);
                 }
                 Ok(Report::Refused { what, .. }) => news.refusal = Some(what),
-                Ok(Report::Log { text }) => watch.log(&printable(text)),
+                Ok(Report::Event(event)) => watch.event(&event),
                 Ok(Report::Increment(increment)) => news.increment = Some(increment),
                 Ok(report) => {
                     if let Some(assembly) = &mut profiles {

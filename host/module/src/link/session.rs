@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 
 use subaperture_core::cfar::Cfar;
 use subaperture_core::link::{
-    ChipGrid, Command, LinkCounters, Receiver, Report, max_received_bytes,
+    ChipGrid, Command, Event as ModuleEvent, LinkCounters, Receiver, Report, max_received_bytes,
 };
 
 use super::conversation::{Conversation, Event, JobSettings, Ledger, Step, TICK};
 use super::counts::{Counts, growth};
 use super::ending::{LinkError, Outcome, TransferEnd};
-use super::identity::{Identity, printable};
+use super::identity::Identity;
 use super::intake::Intake;
 use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MAX_SAMPLES};
@@ -32,7 +32,12 @@ pub trait SessionObserver {
         let _ = counts;
     }
 
-    /// Log line of the module or the session, without control characters.
+    /// Event of the module, if [`Settings::events`] requests its level.
+    fn event(&mut self, event: &ModuleEvent) {
+        let _ = event;
+    }
+
+    /// Message of the session.
     fn log(&mut self, text: &str) {
         let _ = text;
     }
@@ -240,8 +245,8 @@ impl Connection<'_> {
         while let Some(frame) = self.receiver.receive::<Report<'_>>(&mut bytes) {
             match frame {
                 Ok(received) => {
-                    if let Report::Log { text } = received.message {
-                        watch.log(&printable(text));
+                    if let Report::Event(event) = &received.message {
+                        watch.event(event);
                     }
                     conversation.hear(&received.message)?;
                 }

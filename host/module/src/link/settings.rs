@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use subaperture_core::link::Level;
+
 /// Timeouts and retries of a session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -16,6 +18,8 @@ pub struct Settings {
     pub rate_hz: Option<f64>,
     /// Number of the first configuration and run. Should differ from that of earlier sessions, which a module may remember.
     pub first_number: u32,
+    /// Least severe level of the module's events to request. `None` for no events.
+    pub events: Option<Level>,
 }
 
 impl Default for Settings {
@@ -26,6 +30,7 @@ impl Default for Settings {
             retries: 3,
             rate_hz: None,
             first_number: 1,
+            events: None,
         }
     }
 }

@@ -78,6 +78,7 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
                     firmware: typed.firmware.as_deref(),
                     retries: 0,
                     rate_hz: None,
+                    events: None,
                 },
                 window: Window::default(),
                 out: folder,

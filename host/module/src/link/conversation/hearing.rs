@@ -43,7 +43,7 @@ impl Conversation<'_> {
                 let counts = &mut self.ledger.counts;
                 self.news.listed = Some(self.intake.take_accumulated(first, bits, counts)?);
             }
-            Report::Accumulated { .. } | Report::Log { .. } | Report::Increment(_) => {}
+            Report::Accumulated { .. } | Report::Event(_) | Report::Increment(_) => {}
             _ => {
                 self.news.map = true;
                 self.intake.take(report, &mut self.ledger.counts)?;

@@ -317,7 +317,12 @@ impl<'c> Conversation<'c> {
             }
             State::Configuring(setting) => {
                 match setting {
-                    Setting::Abort => self.tries.configurations += 1,
+                    Setting::Abort => {
+                        self.tries.configurations += 1;
+                        if let least @ Some(_) = self.ledger.settings.events {
+                            outbox.send(&Command::Log { least });
+                        }
+                    }
                     Setting::Configure => {
                         self.ledger.configuration = self.ledger.configuration.wrapping_add(1);
                     }

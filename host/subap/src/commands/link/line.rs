@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use anyhow::Context;
 use subaperture::module::link::{self, Buffers, ModuleAddress, SessionObserver, Settings};
-use subaperture_core::link as wire;
+use subaperture_core::link::{self as wire, Level};
 
 use crate::args::Link;
 use crate::config::Session;
@@ -21,6 +21,8 @@ pub(crate) struct Line<'a> {
     pub(crate) retries: u32,
     /// Pulses per second. `None`: as fast as the module accepts them.
     pub(crate) rate_hz: Option<f64>,
+    /// Least severe level of the module's events to print. `None` for no events.
+    pub(crate) events: Option<Level>,
 }
 
 impl<'a> Line<'a> {
@@ -30,6 +32,7 @@ impl<'a> Line<'a> {
             firmware: typed.firmware.as_deref(),
             retries: typed.retries,
             rate_hz: typed.rate,
+            events: typed.events.map(Level::from),
         }
     }
 
@@ -57,6 +60,7 @@ impl<'a> Line<'a> {
             retries: self.retries,
             rate_hz: self.rate_hz,
             first_number: number_of_now(),
+            events: self.events,
             ..Settings::default()
         }
     }

@@ -6,7 +6,7 @@ use subaperture::module::link::{Counts, MapSink, SessionObserver, SinkError};
 use subaperture::module::maps::OwnedMap;
 use subaperture::module::maps_file::MapWriter;
 use subaperture::monitor::Monitor;
-use subaperture_core::link::AssembledMap;
+use subaperture_core::link::{AssembledMap, Event};
 
 use super::picture::Picture;
 use crate::config::Session;
@@ -77,6 +77,10 @@ impl SessionObserver for Watching {
             let done = counts.maps_done() as f64 / counts.maps_wanted as f64;
             self.bar.progress(done);
         }
+    }
+
+    fn event(&mut self, event: &Event) {
+        messages::note(&format!("module: {}: {event}", event.level()));
     }
 
     fn log(&mut self, text: &str) {
