@@ -1,7 +1,7 @@
 //! Every reader of bytes on its seeds and on mutations of them: no panic, at most two seconds of reading, no allocation beyond the budget,
 //! and the promises of each target.
 //!
-//! `SUBAPERTURE_FUZZ_SECONDS` is the time for each target, 1.5 by default, and `SUBAPERTURE_FUZZ_SEED` the seed of the mutations. An input
+//! `SUBAPERTURE_FUZZ_SECONDS` is the time for each target, 0.5 by default, and `SUBAPERTURE_FUZZ_SEED` the seed of the mutations. An input
 //! that breaks a promise is kept in `target/fuzz-failures`; `SUBAPERTURE_FUZZ_INPUT` names one, which is then the only one read.
 
 use std::time::Duration;
@@ -16,7 +16,11 @@ fn number<T: std::str::FromStr>(variable: &str, default: T) -> T {
     text.and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-fn tried(name: &str) {
+/// Time for each target, seconds.
+const SECONDS: f64 = 0.5;
+const LONG_SECONDS: f64 = 5.0;
+
+fn tried(name: &str, seconds: f64) {
     let _alone = alone();
     let mut trial = Trial::new(target(name), &MEMORY);
     if let Some(path) = std::env::var_os("SUBAPERTURE_FUZZ_INPUT") {
@@ -24,7 +28,7 @@ fn tried(name: &str) {
         println!("{name}: {}", trial.read(&input));
         return;
     }
-    let time = Duration::from_secs_f64(number("SUBAPERTURE_FUZZ_SECONDS", 1.5));
+    let time = Duration::from_secs_f64(number("SUBAPERTURE_FUZZ_SECONDS", seconds));
     let tried = trial.run(number("SUBAPERTURE_FUZZ_SEED", 1), time);
     println!("{name}: {tried:?}");
     // At least the seeds; for most targets thousands.
@@ -36,9 +40,17 @@ macro_rules! targets {
         $(
             #[test]
             fn $name() {
-                tried(stringify!($name));
+                tried(stringify!($name), SECONDS);
             }
         )*
+
+        #[test]
+        #[ignore = "minutes: cargo xtask long"]
+        fn every_target_keeps_its_promises_for_longer() {
+            for name in [$(stringify!($name)),*] {
+                tried(name, LONG_SECONDS);
+            }
+        }
 
         #[test]
         fn every_target_is_tried() {
