@@ -219,7 +219,7 @@ fn by_the_module(_: &Context) -> Result<Finding, ItemError> {
             .to_owned(),
         method: format!(
             "The capture of c-5-13-radio, not calibrated, Hamming window: each accepted burst is sent to the module, which divides the echo by the reference, applies the window and transforms. {machine} \
-             Scaled down: as c-5-13-radio. subap capture --module WHERE --profiles DIR does the same during a capture and keeps a waterfall of the sweeps up to date."
+             Scaled down: as c-5-13-radio. subap capture does the same during a capture and keeps a waterfall of the sweeps up to date."
         ),
         checks: vec![
             Check::claim(
