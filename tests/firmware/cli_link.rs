@@ -318,6 +318,28 @@ fn ctrl_c_keeps_the_maps_so_far() {
 }
 
 #[test]
+fn ctrl_c_keeps_the_image_so_far() {
+    let folder = scene();
+    let more = format!("--firmware {}", application()[0].display());
+    // At this rate 104 pulses take twenty seconds, a sub-CPI four to eight.
+    let more = format!("{more} --rate 5 --send image --verify");
+    let (child, mut stderr) = linking(folder.path(), "emulate", &more);
+    std::thread::sleep(Duration::from_secs(12));
+    signal(&child, "-INT");
+    let mut said = String::new();
+    stderr.read_to_string(&mut said).unwrap();
+    let mut ran: Ran = child.wait_with_output().unwrap().into();
+    ran.stderr = said;
+    ran.failed(130, &["interrupted", "sub-CPIs are in a.maps"]);
+    let record = fs::read(folder.path().join("a.maps/image.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+    let resolved = &record["settings"]["resolved"];
+    let missing = resolved["sub_cpis_missing"].as_array().unwrap().len() as u64;
+    let all = resolved["sub_cpis"].as_u64().unwrap();
+    assert!((1..all).contains(&missing), "{resolved}");
+}
+
+#[test]
 fn ctrl_c_before_any_map_leaves_no_file() {
     let folder = scene();
     let before = listing(folder.path());

@@ -7,7 +7,8 @@
 use std::time::Duration;
 
 use subaperture::module::link::{
-    AccumulatedImage, Buffers, DetectionSink, Outcome, Session, Settings, SinkError, TransferEnd,
+    AccumulatedImage, Buffers, Counts, DetectionSink, LinkError, Outcome, Session, SessionObserver,
+    Settings, SinkError, TransferEnd,
 };
 use subaperture::monitor::Silent;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
@@ -129,6 +130,57 @@ fn image_survives_failures_of_the_line() {
     assert_eq!((counts.reconnects, counts.restarts), (2, 0));
     // The module was not configured again, and only cut sub-CPIs were repeated.
     assert!(counts.pulses_sent < PULSES as u64 + 3 * 8, "{counts}");
+}
+
+/// Observer that cancels after so many bytes from the module.
+struct CancelAt {
+    at: u64,
+    bytes: u64,
+}
+
+impl SessionObserver for CancelAt {
+    fn update(&mut self, counts: &Counts) {
+        self.bytes = counts.bytes_to_module;
+    }
+
+    fn cancelled(&self) -> bool {
+        self.bytes >= self.at
+    }
+}
+
+#[test]
+fn cancelled_transfer_keeps_the_image_so_far() {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut sub_cpis = Vec::new();
+    // Of some 10,000 bytes.
+    for at in [0, 6_000] {
+        let mut job = job(&scene, &recording, Encoding::Complex32);
+        let mut module = Module::start(Manner::default());
+        let mut buffers = Buffers::new();
+        let settings = settings(3);
+        let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+        let mut cancel = CancelAt { at, bytes: 0 };
+        let (outcome, image) = session.accumulate(&mut job, &CHIPS, &mut cancel);
+        println!(
+            "{at}: {} sub-CPIs, {}",
+            image.sub_cpis.len(),
+            outcome.counts
+        );
+        assert!(
+            matches!(outcome.ending, TransferEnd::Failed(LinkError::Cancelled)),
+            "{outcome:?}"
+        );
+        judge_image(&image);
+        assert_eq!(outcome.missing.len() + 2 * image.sub_cpis.len(), MAPS);
+        assert_eq!(
+            image.sub_cpis.is_empty(),
+            image.chips.iter().all(Option::is_none)
+        );
+        sub_cpis.push(image.sub_cpis.len());
+    }
+    assert_eq!(sub_cpis[0], 0);
+    assert!((1..MAPS / 2).contains(&sub_cpis[1]), "{sub_cpis:?}");
 }
 
 #[test]

@@ -78,6 +78,30 @@ pub(super) struct Connection<'b> {
     opened: Instant,
 }
 
+/// Observer of the end of a cancelled transfer, which has a time limit of its own.
+struct Ending<'w> {
+    watch: &'w mut dyn SessionObserver,
+    until: Instant,
+}
+
+impl SessionObserver for Ending<'_> {
+    fn update(&mut self, counts: &Counts) {
+        self.watch.update(counts);
+    }
+
+    fn event(&mut self, event: &ModuleEvent) {
+        self.watch.event(event);
+    }
+
+    fn log(&mut self, text: &str) {
+        self.watch.log(text);
+    }
+
+    fn cancelled(&self) -> bool {
+        Instant::now() >= self.until
+    }
+}
+
 /// Session with a module.
 pub struct Session<'b> {
     pub(super) connection: Connection<'b>,
@@ -147,7 +171,8 @@ impl<'b> Session<'b> {
     }
 
     /// Accumulate the maps of `job`, which are not sent, into an image of one chip per patch, in the order of the patches. The
-    /// image contains the sub-CPIs that it lists, however the transfer ends.
+    /// image contains the sub-CPIs that it lists, however the transfer ends. After a cancellation the module completes the
+    /// sub-CPI at hand, and the image so far is received.
     pub fn accumulate(
         &mut self,
         job: &mut Job<'_>,
@@ -187,9 +212,13 @@ impl<'b> Session<'b> {
             Intake::new(wanted, &mut buffer, products.by_ref()),
             Some(self.identity.clone()),
         );
-        let led = self
-            .connection
-            .lead(&mut conversation, Some(&mut job.pulses), watch);
+        let connection = &mut self.connection;
+        let led = connection.lead(&mut conversation, Some(&mut job.pulses), watch);
+        if matches!(led, Err(LinkError::Cancelled)) && conversation.abandon_runs() {
+            let until = Instant::now() + conversation.ledger.settings.idle;
+            // Without an answer in time there is no image; the transfer counts as cancelled in any case.
+            let _ = connection.lead(&mut conversation, None, &mut Ending { watch, until });
+        }
         if conversation.is_in_run() {
             self.connection.abort(conversation.ledger.settings.answer);
         }

@@ -32,6 +32,13 @@ impl Conversation<'_> {
         }
     }
 
+    /// Prepare to fetch the image that a cancelled conversation has accumulated: the next steps end the run, and request the
+    /// list of sub-CPIs and the chips. Returns false if the module holds no image.
+    pub(in crate::link) fn abandon_runs(&mut self) -> bool {
+        self.runs.abandon();
+        self.configured && self.intake.is_image()
+    }
+
     /// Whether the module, no longer busy, still holds the image of the current configuration.
     pub(super) fn holds_image(&self, status: &Status) -> bool {
         self.configured

@@ -74,6 +74,13 @@ impl Runs {
         self.passes = self.passes.saturating_sub(1);
     }
 
+    /// Leave the missing sub-CPIs: no run follows.
+    pub(super) fn abandon(&mut self) {
+        self.most_passes = 0;
+        self.broken = false;
+        self.todo.clear();
+    }
+
     /// Interrupt the run. Returns whether a map was received in it.
     pub(super) fn interrupt(&mut self, taken: u64) -> bool {
         self.broken = true;

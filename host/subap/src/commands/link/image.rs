@@ -20,7 +20,7 @@ use super::receiving::Watching;
 use super::work::Work;
 use crate::commands::forming;
 use crate::config::{command_line, record_of_run};
-use crate::messages;
+use crate::{interrupt, messages};
 
 impl<'w> Work<'w> {
     /// Chips of the patches, if the module has room for them.
@@ -51,6 +51,8 @@ impl<'w> Work<'w> {
         start: Instant,
     ) -> anyhow::Result<()> {
         let chips = self.chips(module.identity())?;
+        // From here on, an interruption keeps the image of the sub-CPIs accumulated so far.
+        let _keeping = interrupt::Keeping::begin();
         let (outcome, received) = module.accumulate(job, &chips, watch);
         watch.bar.finish();
         let (mut content, mut compared, mut files) = (None, None, Vec::new());
