@@ -38,9 +38,9 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E
             let sent = board.link().write(pending).unwrap_or(pending.len());
             endpoint.sent(sent);
         }
-        let before = board.ticks();
+        let limit = B::MAX_STEP_US.map(|most_us| (most_us, board.ticks()));
         let busy = endpoint.work();
-        if let Some(most_us) = B::MAX_STEP_US {
+        if let Some((most_us, before)) = limit {
             let ticks = board.ticks().wrapping_sub(before);
             let taken_us = ticks.checked_div(B::TICKS_HZ / 1_000_000).unwrap_or(0);
             if taken_us > most_us {

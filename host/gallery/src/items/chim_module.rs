@@ -17,7 +17,7 @@ use subaperture_radio::profile::Sweep;
 use subaperture_signal::phase::cis;
 use subaperture_signal::window::Window;
 
-use super::chim_radio::{failed, steps, sweep};
+use super::chim_radio::{REACH_M, failed, steps, sweep};
 use super::chim_stepped::{RANGES_M, experiment};
 use crate::{Check, Context, Finding, Item, ItemError, NOT_GIVEN, Picture};
 
@@ -33,8 +33,6 @@ pub(super) const MODULE: [Item; 1] = [Item {
 const PERIOD: usize = 8;
 const CARRIERS: usize = 50;
 const BINS: usize = 128;
-/// Largest range drawn, metres.
-const REACH_M: f64 = 25.0;
 
 /// Bursts of one sweep.
 struct OneSweep(Vec<SweepBurst>);

@@ -45,7 +45,7 @@ const LEAKAGE: Coupled = Coupled {
     amplitude: 3.0,
 };
 /// Largest range evaluated, metres; there are no reflectors beyond the far wall.
-const REACH_M: f64 = 25.0;
+pub(super) const REACH_M: f64 = 25.0;
 
 pub(super) fn failed(error: &impl ToString) -> ItemError {
     ItemError::Measure(error.to_string())
