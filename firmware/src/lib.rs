@@ -3,6 +3,7 @@
 //! | module | content |
 //! |---|---|
 //! | [`endpoint`] | the module's end of the link, without input or output |
+//! | [`front_end`] | sources of pulses on the module: SPI converter, frames over a serial port |
 //! | [`engine`] | interface between the link and the arithmetic engines |
 //! | [`odometer`] | interface between the link and an odometer |
 //! | [`profiler`] | interface between the link and a range profiler |
@@ -21,6 +22,7 @@
 
 pub mod endpoint;
 pub mod engine;
+pub mod front_end;
 pub mod odometer;
 pub mod products;
 pub mod profiler;

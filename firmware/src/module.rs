@@ -19,6 +19,8 @@ use subaperture_core::{
 };
 
 use crate::endpoint::{Endpoint, LinkBuffers};
+#[cfg(any(feature = "board-an500", feature = "spi-front-end"))]
+use crate::front_end::{GeometryQueue, frame::frame_bytes};
 use crate::memory::Placed;
 use crate::place;
 use crate::products::{Chip, ProductBuffers};
@@ -64,6 +66,14 @@ static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
     Placed::new(Profiler::new());
 static ACCUMULATED: Placed<[u8; SUB_CPIS / 8]> = Placed::new([0; SUB_CPIS / 8]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
+
+/// Geometry of the pulses that wait for samples of the front end.
+#[cfg(any(feature = "board-an500", feature = "spi-front-end"))]
+pub static GEOMETRY: Placed<GeometryQueue> = Placed::new(GeometryQueue::new());
+/// Buffer of the front end: a frame with the maximum number of samples.
+#[cfg(any(feature = "board-an500", feature = "spi-front-end"))]
+pub static FRONT_END: Placed<[u8; frame_bytes(FREQUENCIES)]> =
+    Placed::new([0; frame_bytes(FREQUENCIES)]);
 
 const _: () = assert!(
     FREQUENCIES >= CHIP_PART_PIXELS,

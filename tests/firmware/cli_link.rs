@@ -52,6 +52,16 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             vec!["--rate", "--retries"],
         ),
         (
+            "link emulate a.cphd -o a.maps --front-end --verify",
+            2,
+            vec!["--front-end", "--verify"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send increments --front-end",
+            2,
+            vec!["--front-end", "found --send increments"],
+        ),
+        (
             "link tcp://host:1 a.cphd -o a.maps --firmware a.elf",
             2,
             vec!["--firmware", "tcp://host:1"],

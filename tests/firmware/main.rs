@@ -7,6 +7,7 @@ mod cli_products;
 mod detections;
 mod emulated;
 mod events;
+mod front_end;
 mod golden;
 mod gotcha;
 mod increments;

@@ -46,14 +46,7 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
             first: 90,
         },
         Command::Pulse {
-            pulse: Pulse {
-                number: 70_000,
-                time_s: 1.5,
-                transmitter_m: [7000.0, 0.0, 7000.0],
-                receiver_m: [7000.0, 1.0, 7000.0],
-                reference_path_m: 19_798.75,
-                weight: 0.75,
-            },
+            pulse: GOLDEN_PULSE,
             encoding: Encoding::Sc16,
             samples: &samples,
         },
@@ -129,6 +122,13 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
         Command::SendChip { patch: 3 },
         Command::Log {
             least: Some(Level::Warn),
+        },
+        Command::StartFrontEnd {
+            run: 300,
+            first: 90,
+        },
+        Command::Geometry {
+            pulse: GOLDEN_PULSE,
         },
     ];
     let mut encoder = Encoder::new();
@@ -360,7 +360,16 @@ const GOLDEN_GRID: ChipGrid = ChipGrid {
 };
 
 // Generated from the tables in `subaperture_core::link` by a program in another language with another CRC library.
-const COMMAND_FRAMES: [&str; 20] = [
+const GOLDEN_PULSE: Pulse = Pulse {
+    number: 70_000,
+    time_s: 1.5,
+    transmitter_m: [7000.0, 0.0, 7000.0],
+    receiver_m: [7000.0, 1.0, 7000.0],
+    reference_path_m: 19_798.75,
+    weight: 0.75,
+};
+
+const COMMAND_FRAMES: [&str; 22] = [
     // Hello
     "02020101010102a8030afc00",
     // Configure
@@ -406,6 +415,11 @@ const COMMAND_FRAMES: [&str; 20] = [
     "0302120101071203ae4c10a500",
     // Log
     "030213010108130101b9424d0100",
+    // StartFrontEnd
+    "03021401010914ac025a5dbd9f8600",
+    // Geometry
+    "03021501010515f0a204010101010103f83f010101010458bb400101010101010101010101010458bb400101010104\
+     58bb40010101010103f03f010101010458bb4001010105b055d3400107403f7d35766500",
 ];
 const REPORT_FRAMES: [&str; 20] = [
     // Identity

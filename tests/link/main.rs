@@ -3,6 +3,7 @@
 mod assembly;
 mod endpoint;
 mod frames;
+mod front_end;
 mod golden;
 mod image;
 mod increments;

@@ -6,6 +6,7 @@ pub mod dem;
 pub mod experiment;
 pub mod faults;
 pub mod firmware;
+pub mod front_end;
 pub mod fuzz;
 pub mod link_recording;
 pub mod link_scene;

@@ -16,9 +16,12 @@ use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FixedBuffers, FloatBuffers, SubCpiProcessor};
 use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
 use subaperture_firmware::engine::WireEngine;
+use subaperture_firmware::front_end::frame::frame_bytes;
+use subaperture_firmware::front_end::{FrameStream, GeometryQueue};
 use subaperture_firmware::products::{Chip, ProductBuffers};
 
 use crate::faults::{Device, Faults, FaultyLine};
+use crate::front_end::Port;
 use crate::sweep_scene::SceneProfiler;
 
 /// Sizes of the module's buffers: pulses, frequencies, range bins, Doppler rows, patches.
@@ -82,6 +85,15 @@ pub struct Manner {
 impl Module {
     /// Start a module.
     pub fn start(manner: Manner) -> Self {
+        Self::launch(manner, None)
+    }
+
+    /// Start a module with a front end that receives frames from `port`.
+    pub fn with_front_end(manner: Manner, port: Port) -> Self {
+        Self::launch(manner, Some(port))
+    }
+
+    fn launch(manner: Manner, port: Option<Port>) -> Self {
         let (to, from) = (Arc::<Pipe>::default(), Arc::<Pipe>::default());
         let (restart, end) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
         let thread = std::thread::spawn({
@@ -91,14 +103,15 @@ impl Module {
             move || {
                 while !end.load(Ordering::Relaxed) {
                     restart.store(false, Ordering::Relaxed);
+                    let port = port.clone();
                     let over = || end.load(Ordering::Relaxed) || restart.load(Ordering::Relaxed);
                     if fixed {
                         let mut buffers = Box::new(Fixed::new());
                         let processor = buffers.processor().expect("buffers of one size");
-                        serve(processor, &to, &from, &over, pause);
+                        serve(processor, (&to, &from), port, &over, pause);
                     } else {
                         let mut buffers = Box::new(Float::new());
-                        serve(buffers.processor(), &to, &from, &over, pause);
+                        serve(buffers.processor(), (&to, &from), port, &over, pause);
                     }
                 }
             }
@@ -154,8 +167,8 @@ impl Drop for Module {
 /// Serve the line until `over`; the module's memory is lost then.
 fn serve<E: WireEngine>(
     processor: SubCpiProcessor<'_, E>,
-    to: &Pipe,
-    from: &Pipe,
+    (to, from): (&Pipe, &Pipe),
+    port: Option<Port>,
     over: &dyn Fn() -> bool,
     pause: Duration,
 ) {
@@ -184,6 +197,12 @@ fn serve<E: WireEngine>(
     let mut station = Endpoint::new(processor, link, products, "station of the tests")
         .with_odometer(&mut *odometer)
         .with_profiler(&mut *profiler);
+    let mut samples = [0; frame_bytes(ROW)];
+    let (mut front_end, mut queue) = (None, GeometryQueue::new());
+    if let Some(port) = port {
+        let front_end = front_end.insert(FrameStream::new(port, &mut samples));
+        station = station.with_front_end(front_end, &mut queue);
+    }
     let mut bytes = [0; 64];
     let mut idle = false;
     while !over() {

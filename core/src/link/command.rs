@@ -123,6 +123,18 @@ pub enum Command<'a> {
         /// Least severe level to send. `None` for no events, as after a reset.
         least: Option<Level>,
     },
+    /// Like [`Command::Start`], with samples from the front end of the module.
+    StartFrontEnd {
+        /// Run number chosen by the host; must differ from that of the previous run.
+        run: u32,
+        /// Number of the first pulse, which must be the first pulse of a sub-CPI.
+        first: u32,
+    },
+    /// Send the geometry of one pulse, in a run with samples from the front end.
+    Geometry {
+        /// Pulse metadata.
+        pulse: Pulse,
+    },
 }
 
 impl Message for Command<'_> {

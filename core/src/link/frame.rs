@@ -30,7 +30,7 @@ pub const MAX_MESSAGE_BYTES: usize = 192;
 
 /// CRC-32/ISO-HDLC as in Ethernet and zlib: polynomial 0x04C11DB7 reflected, initial value and final XOR all ones;
 /// 0xCBF43926 for `123456789`.
-pub(super) static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+pub static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Receiver buffer size in bytes for messages of up to `samples` samples of 8 bytes.
 ///

@@ -60,6 +60,8 @@
 //! | 17 | `Accumulated` | first `u32` |
 //! | 18 | `SendChip` | patch `u16` |
 //! | 19 | `Log` | least level, if any |
+//! | 20 | `StartFrontEnd` | run `u32`, first pulse `u32` |
+//! | 21 | `Geometry` | pulse |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -150,6 +152,10 @@
 //!   `Status` counts accepted and rejected pulses. The module also sends it unrequested whenever the credit grows. The
 //!   host sends only pulses with numbers below `accept_through`. Credit is absolute: the next `Status` replaces a lost
 //!   one, and a lost pulse returns no credit. A host that waits for credit requests `Status`.
+//! - Front end: `StartFrontEnd` replaces `Start`, and `Geometry` replaces `Pulse`: the samples come from a front end of the
+//!   module. Geometry is accepted in the order of the pulses and ahead of their samples, as far as the credit; the next pulse
+//!   of `Status` is the next geometry. A pulse whose samples the front end loses is counted as lost. After `Stop` the run ends
+//!   once the samples of all pulses were received or lost.
 //! - Increments: `Motion` and `Antennas` replace the configuration above, and `Channel` replaces `Pulse`, one per
 //!   channel of a pulse. The credit is one pulse: the next pulse may be sent after the increment of the previous one. A
 //!   host that receives no increment requests `Status` and repeats all channels of the pulse. The lost channels
@@ -196,7 +202,7 @@ pub use command::{
 };
 pub use event::{Event, Level};
 pub use frame::{
-    EncodeError, Encoder, MAX_MESSAGE_BYTES, Message, OVERHEAD_BYTES, PROTOCOL_VERSION,
+    CRC, EncodeError, Encoder, MAX_MESSAGE_BYTES, Message, OVERHEAD_BYTES, PROTOCOL_VERSION,
     max_frame_bytes, max_received_bytes,
 };
 pub use profiles::{AssembledProfile, ProfileAssembly};

@@ -11,7 +11,7 @@ mod target {
 
     #[entry]
     fn main() -> ! {
-        let Some(board) = Current::take() else {
+        let Some(mut board) = Current::take() else {
             fault::die(format_args!("board already taken at program start"));
         };
         log!(
@@ -25,7 +25,19 @@ mod target {
         let Some(endpoint) = module::endpoint(&kernel) else {
             fault::die(format_args!("buffer already taken at program start"));
         };
-        serve(board, endpoint.with_log(board::log_event, fault::resets()))
+        let endpoint = endpoint.with_log(board::log_event, fault::resets());
+        #[cfg(any(feature = "board-an500", feature = "spi-front-end"))]
+        {
+            let front_end = module::FRONT_END.try_take();
+            let front_end = front_end.and_then(|buffer| board::front_end(&mut board, buffer));
+            let (Some(mut front_end), Some(queue)) = (front_end, module::GEOMETRY.try_take())
+            else {
+                fault::die(format_args!("front end already taken at program start"));
+            };
+            serve(board, endpoint.with_front_end(&mut front_end, queue))
+        }
+        #[cfg(not(any(feature = "board-an500", feature = "spi-front-end")))]
+        serve(board, endpoint)
     }
 }
 

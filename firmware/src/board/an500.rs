@@ -1,6 +1,6 @@
 //! ARM MPS2 board with FPGA image AN500, as emulated by QEMU's machine `mps2-an500`.
 //!
-//! LED 0 at 0x40028000, UART0 (the link) at 0x40004000, UART1 (the log) at 0x40005000, timer 0 at 0x40000000 and the
+//! LED 0 at 0x40028000, UART0 (the link) at 0x40004000, UART1 (the log) at 0x40005000, UART2 (the front end) at 0x40006000, timer 0 at 0x40000000 and the
 //! watchdog at 0x40008000 are ARM CMSDK peripherals (DDI 0479), clocked at 25 MHz. Differences of the emulation: the UART
 //! has no bit rate (a byte is sent as fast as the other end accepts it), and time follows the host's clock unless `-icount`
 //! ties it to instructions. The core's cycle counter (DWT) is not emulated; the timer replaces it.
@@ -18,6 +18,7 @@ use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
 use super::cmsdk::{BAUD, CLOCK_HZ, Registers};
 use super::interface::Board;
 use super::uart;
+use crate::front_end::FrameStream;
 
 /// MPS2 board with FPGA image AN500.
 #[derive(Debug)]
@@ -29,6 +30,18 @@ pub struct An500 {
 }
 
 static TAKEN: AtomicBool = AtomicBool::new(false);
+static FRONT_END_TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// Front end: frames on UART2. `None` if it was taken before.
+pub fn front_end<'a>(_: &mut An500, buffer: &'a mut [u8]) -> Option<FrameStream<'a, Uart>> {
+    if FRONT_END_TAKEN.swap(true, Ordering::Relaxed) {
+        return None;
+    }
+    let uart = Uart(Registers(0x4000_6000));
+    uart.0.write(uart::BAUDDIV, CLOCK_HZ / BAUD);
+    uart.0.write(uart::CTRL, uart::RX_ENABLE);
+    Some(FrameStream::new(uart, buffer))
+}
 
 impl Board for An500 {
     type Link = Uart;
@@ -117,7 +130,7 @@ impl OutputPin for Light {
     }
 }
 
-/// Serial link on UART0.
+/// UART: UART0 is the serial link, UART2 the front end. The interrupts that end a sleep are those of UART0.
 #[derive(Debug)]
 pub struct Uart(Registers);
 

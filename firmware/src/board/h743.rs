@@ -9,6 +9,8 @@
 //! of the part supports this at voltage scale 1.
 
 use core::future::Future;
+#[cfg(feature = "spi-front-end")]
+use core::num::NonZeroU16;
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
@@ -17,10 +19,20 @@ use embassy_stm32::peripherals::{IWDG1, USART3};
 use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, rcc};
+#[cfg(feature = "spi-front-end")]
+use embassy_stm32::{
+    gpio::{Input, Pull},
+    mode::Blocking,
+    spi::{self, Spi, mode::Master},
+};
+#[cfg(feature = "spi-front-end")]
+use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
 use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
 use static_cell::ConstStaticCell;
 
 use super::interface::Board;
+#[cfg(feature = "spi-front-end")]
+use crate::front_end::{Coding, SpiConverter};
 
 const BAUD: u32 = 921_600;
 
@@ -39,6 +51,40 @@ pub struct H743 {
     link: SerialLink,
     watchdog: IndependentWatchdog<'static, IWDG1>,
     watching: bool,
+    #[cfg(feature = "spi-front-end")]
+    converter: Option<Converter>,
+}
+
+/// Bus, chip select and pulse signal of the converter.
+#[cfg(feature = "spi-front-end")]
+type Converter = (
+    Spi<'static, Blocking, Master>,
+    Output<'static>,
+    Input<'static>,
+);
+
+/// Front end with a converter on SPI1.
+#[cfg(feature = "spi-front-end")]
+pub type SpiFrontEnd<'a> = SpiConverter<
+    'a,
+    ExclusiveDevice<Spi<'static, Blocking, Master>, Output<'static>, NoDelay>,
+    Input<'static>,
+>;
+
+/// Front end: a converter in two's complement, read sample by sample. Arduino connector: D13 (PA5) clock, D12 (PA6) data, D10
+/// (PD14) chip select, D9 (PD15) high while a pulse waits. `None` if it was taken before.
+#[cfg(feature = "spi-front-end")]
+pub fn front_end<'a>(board: &mut H743, buffer: &'a mut [u8]) -> Option<SpiFrontEnd<'a>> {
+    let (bus, select, ready) = board.converter.take()?;
+    let device = ExclusiveDevice::new_no_delay(bus, select).ok()?;
+    let coding = Coding::TwosComplement;
+    Some(SpiConverter::new(
+        device,
+        ready,
+        coding,
+        NonZeroU16::MIN,
+        buffer,
+    ))
 }
 
 impl Board for H743 {
@@ -83,6 +129,12 @@ impl Board for H743 {
             },
             watchdog: IndependentWatchdog::new(board.IWDG1, Self::WATCHDOG_MS * 1000),
             watching: false,
+            #[cfg(feature = "spi-front-end")]
+            converter: Some((
+                Spi::new_blocking_rxonly(board.SPI1, board.PA5, board.PA6, converter_bus()),
+                Output::new(board.PD14, Level::High, Speed::VeryHigh),
+                Input::new(board.PD15, Pull::Down),
+            )),
         })
     }
 
@@ -117,6 +169,14 @@ impl Board for H743 {
     }
 }
 
+/// Bus of the converter: mode 0, 16 MHz.
+#[cfg(feature = "spi-front-end")]
+fn converter_bus() -> spi::Config {
+    let mut config = spi::Config::default();
+    config.frequency = embassy_stm32::time::Hertz(16_000_000);
+    config
+}
+
 fn clocks() -> embassy_stm32::Config {
     use rcc::{
         AHBPrescaler, APBPrescaler, HSIPrescaler, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
@@ -139,6 +199,9 @@ fn clocks() -> embassy_stm32::Config {
     config.rcc.apb3_pre = APBPrescaler::DIV2;
     config.rcc.apb4_pre = APBPrescaler::DIV2;
     config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
+    // The clock of SPI1: 64 MHz.
+    config.rcc.mux.persel = rcc::mux::Persel::HSI;
+    config.rcc.mux.spi123sel = rcc::mux::Saisel::PER;
     config
 }
 

@@ -14,9 +14,11 @@ mod uart;
 mod unowned;
 
 #[cfg(feature = "board-an500")]
-pub use an500::{An500, An500 as Current, UartError};
+pub use an500::{An500, An500 as Current, UartError, front_end};
 #[cfg(feature = "board-h743")]
 pub use h743::{H743, H743 as Current, SerialLink};
+#[cfg(feature = "spi-front-end")]
+pub use h743::{SpiFrontEnd, front_end};
 pub use interface::Board;
 pub use unowned::{end, log, log_event, reset};
 

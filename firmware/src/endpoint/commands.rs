@@ -21,6 +21,7 @@ impl<E: WireEngine> Module<'_, E> {
                 | Command::Accumulated { .. }
                 | Command::SendChip { .. }
                 | Command::Log { .. }
+                | Command::Geometry { .. }
         );
         let refusal = match *command {
             Command::Hello => {
@@ -42,7 +43,8 @@ impl<E: WireEngine> Module<'_, E> {
             } => self.push(&pulse, encoding, samples),
             Command::Stop => {
                 if self.state == State::Running {
-                    if self.makes_maps() {
+                    // Pulses that wait for samples of the front end come first.
+                    if self.makes_maps() && self.source.is_empty() {
                         self.processor.finish();
                     }
                     self.state = State::Finishing;
@@ -88,14 +90,19 @@ impl<E: WireEngine> Module<'_, E> {
                 self.events.request(least);
                 Ok(())
             }
+            Command::StartFrontEnd { run, first } => self.start_front_end(run, first),
+            Command::Geometry { pulse } => self.push_geometry(&pulse),
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
-            Err(refusal) => {
-                self.events.record(Event::Refused(refusal));
-                self.due.refusal = Some((sequence, refusal));
-            }
+            Err(refusal) => self.refuse(sequence, refusal),
         }
+    }
+
+    /// Report the refusal of the command in frame `sequence`; 0 for a pulse of the front end.
+    pub(super) fn refuse(&mut self, sequence: u32, refusal: Refusal) {
+        self.events.record(Event::Refused(refusal));
+        self.due.refusal = Some((sequence, refusal));
     }
 
     pub(super) fn is_busy(&self) -> bool {
@@ -203,7 +210,7 @@ impl<E: WireEngine> Module<'_, E> {
         };
     }
 
-    fn start(&mut self, run: u32, first: u32) -> Result<(), Refusal> {
+    pub(super) fn start(&mut self, run: u32, first: u32) -> Result<(), Refusal> {
         if self.run == Some(run) && self.state != State::Ready && self.state != State::Idle {
             return Ok(());
         }
@@ -242,6 +249,7 @@ impl<E: WireEngine> Module<'_, E> {
         } else if self.is_busy() && self.profiles.is_configured() {
             self.stop_profiles();
         } else if self.is_busy() && self.products.is_partial() {
+            self.source.stop();
             self.aborting = true;
             self.state = State::Finishing;
         } else if self.is_busy() {
@@ -276,20 +284,32 @@ impl<E: WireEngine> Module<'_, E> {
         if !self.makes_maps() {
             return self.refuse_pulses(Refusal::NotConfigured);
         }
-        let refusal = match E::push(&mut self.processor, pulse, encoding, samples) {
-            None => Refusal::Encoding,
+        let pushed = E::push(&mut self.processor, pulse, encoding, samples);
+        match self.refusal_of(pushed, encoding, samples.len()) {
+            Some(refusal) => self.refuse_pulses(refusal),
+            None => Ok(()),
+        }
+    }
+
+    /// Refusal to report for a pulse of `length` bytes, if any. The processor counts the other errors.
+    pub(super) fn refusal_of(
+        &self,
+        pushed: Option<Result<(), PulseError>>,
+        encoding: link::Encoding,
+        length: usize,
+    ) -> Option<Refusal> {
+        match pushed {
+            None => Some(Refusal::Encoding),
             Some(Err(PulseError::Length)) => {
                 let frequencies = self.processor.setup().map_or(0, |s| s.num_frequencies);
                 let expected = usize::from(frequencies) * encoding.sample_bytes();
-                Refusal::PulseLength {
+                Some(Refusal::PulseLength {
                     expected: expected as u32,
-                    got: samples.len() as u32,
-                }
+                    got: length as u32,
+                })
             }
-            // Counted by the processor.
-            Some(_) => return Ok(()),
-        };
-        self.refuse_pulses(refusal)
+            Some(_) => None,
+        }
     }
 
     /// Send only the first refusal of a run, so that answers do not fill the line.

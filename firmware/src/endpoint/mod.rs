@@ -21,6 +21,7 @@
 //! | `module` | its state |
 //! | `commands` | execution of commands, and reasons to refuse them |
 //! | `events` | events for the log of the board and for the host |
+//! | `front_end_runs` | runs with samples from the module's own front end |
 //! | `increments`, `increment_runs` | state of runs that produce motion increments, and the runs |
 //! | `profiles`, `profile_runs` | state of runs that produce range profiles, and the runs |
 //! | `reports` | reports to the host, one frame at a time |
@@ -28,6 +29,7 @@
 
 mod commands;
 mod events;
+mod front_end_runs;
 mod increment_runs;
 mod increments;
 mod module;
@@ -38,6 +40,7 @@ mod transfer;
 mod work;
 
 use events::Events;
+use front_end_runs::Source;
 use increments::Increments;
 use module::{Due, Module};
 use profiles::Profiles;
@@ -46,6 +49,7 @@ use subaperture_core::link::{Command, Encoder, Event, Received, Receiver, State}
 use subaperture_core::stream::SubCpiProcessor;
 
 use crate::engine::WireEngine;
+use crate::front_end::{FrontEnd, GeometryQueue};
 use crate::odometer::WireOdometer;
 use crate::products::{ProductBuffers, Products};
 use crate::profiler::WireProfiler;
@@ -110,6 +114,7 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
                 pulse_refused: false,
                 increments: Increments::default(),
                 profiles: Profiles::default(),
+                source: Source::default(),
                 events: Events::new(),
             },
         }
@@ -126,6 +131,17 @@ impl<'a, E: WireEngine> Endpoint<'a, E> {
     #[must_use]
     pub fn with_profiler(mut self, profiler: &'a mut dyn WireProfiler) -> Self {
         self.module.profiles = Profiles::with(profiler);
+        self
+    }
+
+    /// Enable runs with samples from a front end. Without one they are refused as unsupported.
+    #[must_use]
+    pub fn with_front_end(
+        mut self,
+        front_end: &'a mut dyn FrontEnd,
+        queue: &'a mut GeometryQueue,
+    ) -> Self {
+        self.module.source = Source::with(front_end, queue);
         self
     }
 

@@ -4,6 +4,7 @@ use subaperture_core::link::{Encoder, Refusal, State};
 use subaperture_core::stream::SubCpiProcessor;
 
 use super::events::Events;
+use super::front_end_runs::Source;
 use super::increments::Increments;
 use super::profiles::Profiles;
 use super::transfer::Transfer;
@@ -52,5 +53,6 @@ pub(super) struct Module<'a, E: WireEngine> {
     pub(super) pulse_refused: bool,
     pub(super) increments: Increments<'a>,
     pub(super) profiles: Profiles<'a>,
+    pub(super) source: Source<'a>,
     pub(super) events: Events,
 }

@@ -50,7 +50,8 @@ impl<E: WireEngine> Module<'_, E> {
             (own.next_sweep(), u32::MAX, own.counters())
         } else {
             let own = &self.processor;
-            (own.next_pulse(), own.accept_through(), own.counters())
+            let (next_pulse, credit) = self.source.flow(own.next_pulse(), own.accept_through());
+            (next_pulse, credit, own.counters())
         };
         let more_credit = self.state == State::Running && credit != self.reported_credit;
         if self.due.status || more_credit {

@@ -16,6 +16,9 @@ impl<E: WireEngine> Module<'_, E> {
         if self.profiles.is_configured() {
             return self.work_on_profiles();
         }
+        if self.take_pulse() {
+            return true;
+        }
         match self.transfer {
             Transfer::Nothing => {}
             Transfer::Products => {
@@ -36,7 +39,7 @@ impl<E: WireEngine> Module<'_, E> {
                 true
             }
             Progress::Idle => {
-                if self.state == State::Finishing {
+                if self.state == State::Finishing && self.source.is_empty() {
                     self.end_run();
                 }
                 false
@@ -85,6 +88,7 @@ impl<E: WireEngine> Module<'_, E> {
     /// End the run.
     pub(super) fn end_run(&mut self) {
         self.processor.stop();
+        self.source.stop();
         self.transfer = Transfer::Nothing;
         self.aborting = false;
         self.state = State::Done;

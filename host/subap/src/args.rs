@@ -321,8 +321,12 @@ pub(crate) struct Link {
     pub(crate) rate: Option<f64>,
 
     /// Largest number of repetitions of sub-CPIs with missing maps
-    #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "rate")]
+    #[arg(long, value_name = "N", default_value_t = 3, conflicts_with_all = ["rate", "front_end"])]
     pub(crate) retries: u32,
+
+    /// Let the module read the samples from its own front end; the recording provides the geometry and the frequencies
+    #[arg(long, conflicts_with_all = ["rate", "verify", "dry_run"])]
+    pub(crate) front_end: bool,
 
     /// Compare every map or the image bit by bit with that of the same core on this machine, and fail if it differs;
     /// not with --send detections

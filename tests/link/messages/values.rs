@@ -68,6 +68,17 @@ impl Values {
         }
     }
 
+    fn pulse(&self) -> Pulse {
+        Pulse {
+            number: self.other,
+            time_s: self.real,
+            transmitter_m: self.place_m,
+            receiver_m: self.place_m.map(|x| -x),
+            reference_path_m: self.place_m[2],
+            weight: self.single,
+        }
+    }
+
     fn encoding(&self) -> Encoding {
         [Encoding::Complex32, Encoding::Sc16][usize::from(self.byte % 2)]
     }
@@ -128,14 +139,7 @@ impl Values {
                 first: self.long,
             },
             Command::Pulse {
-                pulse: Pulse {
-                    number: self.other,
-                    time_s: self.real,
-                    transmitter_m: self.place_m,
-                    receiver_m: self.place_m.map(|x| -x),
-                    reference_path_m: self.place_m[2],
-                    weight: self.single,
-                },
+                pulse: self.pulse(),
                 encoding: self.encoding(),
                 samples: &self.bytes,
             },
@@ -196,6 +200,13 @@ impl Values {
                     Some(Level::Warn),
                     Some(Level::Error),
                 ][usize::from(self.byte % 4)],
+            },
+            Command::StartFrontEnd {
+                run: self.other,
+                first: self.long,
+            },
+            Command::Geometry {
+                pulse: self.pulse(),
             },
         ]
     }

@@ -19,8 +19,8 @@ const CLIPPY: [(&str, &str); 4] = [
         "board-an500,fixed,size-small",
     ),
     (
-        "clippy, firmware, STM32H743, large",
-        "board-h743,size-large",
+        "clippy, firmware, STM32H743, large, front end",
+        "board-h743,size-large,spi-front-end",
     ),
     (
         "clippy, firmware, STM32H743, fixed, no log",

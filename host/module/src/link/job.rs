@@ -110,6 +110,8 @@ pub struct PulseSource<'a> {
     history: &'a dyn PhaseHistory,
     slow_weights: Vec<f32>,
     encoding: Encoding,
+    /// Whether the samples come from the front end of the module, and the recording provides the geometry only.
+    from_front_end: bool,
     scale: f32,
     block: Vec<Complex32>,
     first: usize,
@@ -141,6 +143,7 @@ impl<'a> PulseSource<'a> {
             history,
             slow_weights: slow_weights.iter().map(|&weight| weight as f32).collect(),
             encoding,
+            from_front_end: false,
             scale: 1.0,
             block: Vec::new(),
             first: 0,
@@ -163,6 +166,29 @@ impl<'a> PulseSource<'a> {
             };
         }
         Ok(source)
+    }
+
+    /// Create a source of geometry for pulses whose samples come from the front end of the module, with slow-time weights, one
+    /// per pulse. The samples of the recording are not read.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the number of weights differs from the number of pulses.
+    pub fn from_front_end(
+        history: &'a dyn PhaseHistory,
+        slow_weights: &[f64],
+    ) -> Result<Self, ReadError> {
+        // In this encoding no scale is searched.
+        let source = Self::new(history, slow_weights, Encoding::Complex32)?;
+        Ok(Self {
+            encoding: Encoding::Sc16,
+            from_front_end: true,
+            ..source
+        })
+    }
+
+    /// Whether the samples come from the front end of the module.
+    pub fn is_from_front_end(&self) -> bool {
+        self.from_front_end
     }
 
     /// Number of pulses.
@@ -210,7 +236,7 @@ impl<'a> PulseSource<'a> {
         Ok(())
     }
 
-    /// Metadata and encoded samples of pulse `number`, counted from 0.
+    /// Metadata and encoded samples of pulse `number`, counted from 0. No samples if they come from the front end.
     ///
     /// # Errors
     /// [`ReadError`] if the pulse cannot be read.
@@ -219,10 +245,6 @@ impl<'a> PulseSource<'a> {
     /// Panics if `number` is out of range.
     pub fn pulse(&mut self, number: u32) -> Result<(Pulse, &[u8]), ReadError> {
         let index = number as usize;
-        let width = self.history.collection().num_samples;
-        if !(self.first..self.first + self.block.len() / width.max(1)).contains(&index) {
-            self.load(index - index % BLOCK_PULSES)?;
-        }
         let about = &self.history.collection().pulses[index];
         let pulse = Pulse {
             number,
@@ -232,6 +254,13 @@ impl<'a> PulseSource<'a> {
             reference_path_m: about.reference_path_m,
             weight: self.slow_weights[index],
         };
+        if self.from_front_end {
+            return Ok((pulse, &[]));
+        }
+        let width = self.history.collection().num_samples;
+        if !(self.first..self.first + self.block.len() / width.max(1)).contains(&index) {
+            self.load(index - index % BLOCK_PULSES)?;
+        }
         let start = (index - self.first) * width;
         let samples = &self.block[start..start + width];
         let bytes = match self.encoding {

@@ -205,6 +205,7 @@ impl<'b> Session<'b> {
             patches: &job.patches,
             total_pulses: job.pulses.len(),
             request: products.request(),
+            from_front_end: job.pulses.is_from_front_end(),
         };
         let mut conversation = Conversation::new(
             &mut self.ledger,
@@ -293,12 +294,15 @@ impl Connection<'_> {
         pulses: Option<&mut PulseSource<'_>>,
     ) -> Result<Event, LinkError> {
         if let Some(pulses) = pulses {
-            let encoding = pulses.encoding();
+            let (encoding, front_end) = (pulses.encoding(), pulses.is_from_front_end());
             let (pulse, samples) = pulses.pulse(number)?;
-            self.line.outbox.send(&Command::Pulse {
-                pulse,
-                encoding,
-                samples,
+            self.line.outbox.send(&match front_end {
+                true => Command::Geometry { pulse },
+                false => Command::Pulse {
+                    pulse,
+                    encoding,
+                    samples,
+                },
             });
         }
         Ok(Event::Sent)

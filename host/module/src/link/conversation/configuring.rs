@@ -31,6 +31,8 @@ pub(in crate::link) struct JobSettings<'j> {
     /// Number of pulses of all runs.
     pub(in crate::link) total_pulses: u32,
     pub(in crate::link) request: Request<'j>,
+    /// Whether the samples come from the front end of the module.
+    pub(in crate::link) from_front_end: bool,
 }
 
 impl JobSettings<'_> {
@@ -50,6 +52,7 @@ impl JobSettings<'_> {
             patches: &[],
             total_pulses: 0,
             request: Request::Maps,
+            from_front_end: false,
         }
     }
 }

@@ -26,8 +26,8 @@
 //!
 //! **Runs.** The first run covers all sub-CPIs. A tail of pulses that did not arrive (the module answers after the last one but
 //! expects an earlier one) is sent again immediately; any other lost pulse costs its sub-CPI. Further runs repeat the sub-CPIs
-//! with a missing map, up to [`Settings::retries`] times. At a fixed pulse rate nothing is repeated, since a radar does not
-//! wait.
+//! with a missing map, up to [`Settings::retries`] times. At a fixed pulse rate, or with samples from the front end of
+//! the module, no sub-CPI is repeated, since a radar does not wait.
 //!
 //! **Images.** A module that accumulates an image is asked after each run which sub-CPIs the image contains
 //! (`State::Listing`), and for the chips of all patches when no run is left (`State::Collecting`). After a failure of the line
@@ -124,7 +124,7 @@ impl<'c> Conversation<'c> {
         identity: Option<Identity>,
     ) -> Self {
         let now = Instant::now();
-        let settings = ledger.settings;
+        let (settings, from_front_end) = (ledger.settings, job.from_front_end);
         Self {
             ledger,
             intake,
@@ -139,7 +139,10 @@ impl<'c> Conversation<'c> {
                 advanced: now,
             },
             tries: Tries::default(),
-            runs: Runs::new(settings.retries, settings.rate_hz.is_some()),
+            runs: Runs::new(
+                settings.retries,
+                settings.rate_hz.is_some() || from_front_end,
+            ),
             clock: None,
             in_run: false,
             configured: false,
@@ -282,7 +285,13 @@ impl<'c> Conversation<'c> {
             }
             State::Streaming(Stream { last_status, .. })
             | State::Stopping(last_status)
-            | State::Draining(last_status, _) => self.run_interrupted(Some(&last_status), &error),
+            | State::Draining(last_status, _) => {
+                self.run_interrupted(Some(&last_status), &error);
+                if self.job.from_front_end && matches!(error, LinkError::Stuck(_)) {
+                    // The front end provides no more pulses.
+                    self.runs.abandon();
+                }
+            }
             State::Listing(_) | State::Collecting(_) => {
                 self.tries.without_progress += 1;
                 self.tries.recoveries = 0;

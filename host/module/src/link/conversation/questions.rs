@@ -57,10 +57,13 @@ impl Conversation<'_> {
             State::Configuring(setting) => {
                 setting.command(self.ledger.configuration, &self.job, &mut bytes)
             }
-            State::Starting => Command::Start {
-                run: self.ledger.run,
-                first: self.pulses().start,
-            },
+            State::Starting => {
+                let (run, first) = (self.ledger.run, self.pulses().start);
+                match self.job.from_front_end {
+                    true => Command::StartFrontEnd { run, first },
+                    false => Command::Start { run, first },
+                }
+            }
             State::Stopping(_) => Command::Stop,
             State::Listing(first) => Command::Accumulated { first },
             State::Collecting(patch) => Command::SendChip { patch },
@@ -83,10 +86,10 @@ impl Conversation<'_> {
             | State::Stopping(_)
             | State::Listing(_)
             | State::Collecting(_) => sequence == self.question.sequence,
-            State::Streaming(_) => {
+            State::Streaming(_) | State::Draining(..) => {
                 matches!(what, Refusal::Encoding | Refusal::PulseLength { .. })
             }
-            State::Greeting | State::Draining(..) | State::Reconnecting | State::Over => false,
+            State::Greeting | State::Reconnecting | State::Over => false,
         };
         match concerns {
             true => Err(LinkError::Refused(what)),

@@ -22,11 +22,11 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// Plan one pass over all sub-CPIs and up to `retries` passes over those with missing maps. At a fixed rate (`paced`) nothing is
-    /// repeated.
-    pub(super) fn new(retries: u32, paced: bool) -> Self {
+    /// Plan one pass over all sub-CPIs and up to `retries` passes over those with missing maps, or one pass only if pulses
+    /// occur `once`.
+    pub(super) fn new(retries: u32, once: bool) -> Self {
         Self {
-            most_passes: if paced { 1 } else { retries.saturating_add(1) },
+            most_passes: if once { 1 } else { retries.saturating_add(1) },
             passes: 0,
             todo: VecDeque::new(),
             current: 0..0,

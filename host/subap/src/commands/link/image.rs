@@ -150,6 +150,7 @@ impl<'w> Work<'w> {
                     "sub_cpis_missing": missing,
                     "patches": plan.patches.len(),
                     "predicted_error_db": plan.predicted_db,
+                    "front_end": typed.front_end,
                     "amplitude_scale": job.pulses.amplitude_scale(),
                     "link": outcome.counts.to_json(),
                     "verified": verified_record(compared),

@@ -91,6 +91,8 @@ pub(super) fn report(
             },
             match typed.rate {
                 Some(_) => "module or line are too slow for this --rate",
+                None if typed.front_end =>
+                    "the front end of the module lost pulses or ended before the last one",
                 None => "the line loses too many frames: raise --retries",
             }
         ),

@@ -112,12 +112,16 @@ impl<'w> Work<'w> {
     }
 
     pub(super) fn job(&self) -> anyhow::Result<Job<'w>> {
+        let (history, weights) = (self.history, &self.slow_weights);
         let encoding = self.plan.arithmetic.encoding();
         Ok(Job {
             setup: self.plan.setup,
             fast_weights: self.fast_weights.clone(),
             patches: self.plan.patches.clone(),
-            pulses: PulseSource::new(self.history, &self.slow_weights, encoding)?,
+            pulses: match self.typed.front_end {
+                true => PulseSource::from_front_end(history, weights)?,
+                false => PulseSource::new(history, weights, encoding)?,
+            },
         })
     }
 
@@ -287,6 +291,7 @@ impl<'w> Work<'w> {
             "predicted_error_db": plan.predicted_db,
             "slow_window": typed.windows.slow_window.to_string(),
             "rate_hz": typed.rate,
+            "front_end": typed.front_end,
             "amplitude_scale": job.pulses.amplitude_scale(),
         });
         match record {

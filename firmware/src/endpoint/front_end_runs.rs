@@ -1,0 +1,146 @@
+//! Runs with samples from the module's own front end: geometry from the host, matched with samples by pulse number.
+
+use subaperture_core::Pulse;
+use subaperture_core::link::{Encoding, Refusal, State};
+use subaperture_core::stream::{Quantity, SetupError};
+
+use super::module::Module;
+use crate::engine::WireEngine;
+use crate::front_end::{FrontEnd, GeometryQueue, MAX_AHEAD};
+
+/// Front end, and the geometry of pulses whose samples it has not provided yet.
+#[derive(Default)]
+pub(super) struct Source<'a> {
+    parts: Option<(&'a mut dyn FrontEnd, &'a mut GeometryQueue)>,
+    /// Whether the samples of the current run come from it.
+    active: bool,
+    /// Number of the next geometry.
+    next: u32,
+    /// Pulses with numbers below this may be sent.
+    credit: u32,
+}
+
+impl<'a> Source<'a> {
+    pub(super) fn with(front_end: &'a mut dyn FrontEnd, queue: &'a mut GeometryQueue) -> Self {
+        Self {
+            parts: Some((front_end, queue)),
+            ..Self::default()
+        }
+    }
+
+    /// Whether no pulse waits for its samples.
+    pub(super) fn is_empty(&self) -> bool {
+        !self.active
+            || self
+                .parts
+                .as_ref()
+                .is_none_or(|(_, queue)| queue.is_empty())
+    }
+
+    /// End its run.
+    pub(super) fn stop(&mut self) {
+        self.active = false;
+        if let Some((_, queue)) = &mut self.parts {
+            queue.clear();
+        }
+    }
+
+    /// Number of the next expected pulse and credit of a run: those of the processor, unless the samples come from here. The credit grows in steps of half a
+    /// queue, so that few reports are needed.
+    pub(super) fn flow(&mut self, next_pulse: u32, accept_through: u32) -> (u32, u32) {
+        let Some((_, queue)) = self.parts.as_ref().filter(|_| self.active) else {
+            return (next_pulse, accept_through);
+        };
+        if queue.len() <= MAX_AHEAD / 2 {
+            let room = (MAX_AHEAD - queue.len()) as u32;
+            self.credit = self.next.saturating_add(room);
+        }
+        (self.next, self.credit.min(accept_through))
+    }
+}
+
+impl<E: WireEngine> Module<'_, E> {
+    /// Start a run with samples from the front end.
+    pub(super) fn start_front_end(&mut self, run: u32, first: u32) -> Result<(), Refusal> {
+        let samples = self.processor.setup().map(|setup| setup.num_frequencies);
+        let Some((front_end, _)) = &mut self.source.parts else {
+            return Err(Refusal::Unsupported);
+        };
+        if self.increments.is_configured() || self.profiles.is_configured() {
+            return Err(Refusal::Unsupported);
+        }
+        let (samples, most) = (samples.unwrap_or(0), front_end.max_samples());
+        if usize::from(samples) > most {
+            return Err(Refusal::Setup(SetupError::Size {
+                what: Quantity::Frequencies,
+                wanted: samples.into(),
+                most: most as u32,
+            }));
+        }
+        let repeated = self.run == Some(run) && self.state != State::Ready;
+        self.start(run, first)?;
+        if let Some((front_end, _)) = self.source.parts.as_mut().filter(|_| !repeated) {
+            front_end.begin(first, samples.into());
+            self.source.active = true;
+            self.source.next = first;
+        }
+        Ok(())
+    }
+
+    /// Queue the geometry of a pulse. Pulses are accepted in order only; the host repeats the others.
+    pub(super) fn push_geometry(&mut self, pulse: &Pulse) -> Result<(), Refusal> {
+        if self.state != State::Running {
+            return Ok(());
+        }
+        if !self.source.active {
+            return self.refuse_pulses(Refusal::NotConfigured);
+        }
+        if let Some((_, queue)) = &mut self.source.parts
+            && pulse.number == self.source.next
+            && queue.push_back(*pulse).is_ok()
+        {
+            self.source.next = pulse.number.saturating_add(1);
+        }
+        Ok(())
+    }
+
+    /// Take a pulse from the front end, if its geometry is there and the processor has room. Returns whether a pulse was taken.
+    pub(super) fn take_pulse(&mut self) -> bool {
+        let room = self.processor.accept_through();
+        let Some((front_end, queue)) = self.source.parts.as_mut().filter(|_| self.source.active)
+        else {
+            return false;
+        };
+        if queue.front().is_none_or(|pulse| pulse.number >= room) {
+            return false;
+        }
+        let Some((number, samples)) = front_end.pulse() else {
+            return false;
+        };
+        // The front end lost the pulses before.
+        while queue.front().is_some_and(|pulse| pulse.number < number) {
+            let _ = queue.pop_front();
+        }
+        let mut refusal = None;
+        match queue.front().copied() {
+            Some(pulse) if pulse.number == number && number < room => {
+                let pushed = E::push(&mut self.processor, &pulse, Encoding::Sc16, samples);
+                let length = samples.len();
+                let _ = queue.pop_front();
+                front_end.release();
+                refusal = self.refusal_of(pushed, Encoding::Sc16, length);
+            }
+            // A pulse before the run.
+            Some(pulse) if pulse.number > number => front_end.release(),
+            // Its geometry or room in the processor is still to come.
+            _ => {}
+        }
+        if let Some(Err(refusal)) = refusal.map(|refusal| self.refuse_pulses(refusal)) {
+            self.refuse(0, refusal);
+        }
+        if self.state == State::Finishing && self.source.is_empty() {
+            self.processor.finish();
+        }
+        true
+    }
+}

@@ -1,0 +1,99 @@
+//! Samples from the front end of the emulated board, a serial port with frames, by the command.
+
+use std::io::Write;
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::Child;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use crate::emulated::application;
+use subaperture::io::cphd::{Channel, WriteOptions, write};
+use subaperture::io::npy;
+use subaperture::monitor::Silent;
+use subaperture_tests::error_db;
+use subaperture_tests::firmware::emulator;
+use subaperture_tests::front_end::digitised;
+use subaperture_tests::link_recording::recording;
+use subaperture_tests::subap::run;
+
+/// The emulated board with frames for its front end.
+struct Board {
+    emulator: Child,
+    port: u16,
+    feeder: Option<JoinHandle<()>>,
+}
+
+impl Board {
+    /// Start `elf` with a link on a free TCP port.
+    fn start(elf: &Path, frames: Vec<u8>) -> Self {
+        let front_end = TcpListener::bind("127.0.0.1:0").unwrap();
+        let frames_at = format!("tcp:{}", front_end.local_addr().unwrap());
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = free.local_addr().unwrap().port();
+        drop(free);
+        let link = format!("tcp:127.0.0.1:{port},server=on,wait=off,nodelay=on");
+        let serial = ["-serial", &link, "-serial", "null", "-serial", &frames_at];
+        let emulator = emulator(elf, &serial);
+        let (mut line, _) = front_end.accept().unwrap();
+        // The emulator ends before all frames are read if the test fails.
+        let feeder = std::thread::spawn(move || drop(line.write_all(&frames)));
+        while TcpStream::connect(("127.0.0.1", port)).is_err() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Self {
+            emulator,
+            port,
+            feeder: Some(feeder),
+        }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.emulator.kill();
+        let _ = self.emulator.wait();
+        if let Some(feeder) = self.feeder.take() {
+            let _ = feeder.join();
+        }
+    }
+}
+
+/// The image of samples from the front end is bit-identical to that of the same samples over the link, which the command compares
+/// with the core on this machine. Far fewer bytes go to the module.
+#[test]
+fn image_of_front_end_samples_equals_that_of_link() {
+    let folder = tempfile::tempdir().unwrap();
+    let (digital, frames) = digitised(&recording());
+    let path = folder.path().join("a.cphd");
+    let channel = Channel::new("one", &digital);
+    write(&path, &[channel], &WriteOptions::default(), &Silent).unwrap();
+    for (name, elf) in ["float", "fixed"].iter().zip(application()) {
+        let board = Board::start(elf, frames.concat());
+        let mut images = Vec::new();
+        let mut sent = Vec::new();
+        for options in ["--front-end", "--verify"] {
+            let out = format!("{name}{options}");
+            let line = format!(
+                "link tcp://127.0.0.1:{} a.cphd --send image {options} --out {out} \
+                 --grid x=-6:6:0.5,y=-6:6:0.5,z=0 --json",
+                board.port
+            );
+            let ran = run(folder.path(), &line);
+            let report: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
+            let bytes = report["counters"]["bytes_to_module"].as_u64().unwrap();
+            println!("{name} {options}: {bytes} bytes to the module");
+            sent.push(bytes);
+            images.push(npy::read(&folder.path().join(out).join("image.npy")).unwrap());
+        }
+        assert!(2 * sent[0] < sent[1], "{sent:?}");
+        let [front_end, link] = &images[..] else {
+            unreachable!("two images");
+        };
+        assert!(
+            front_end.pixels == link.pixels,
+            "{name}: {:.1} dB",
+            error_db(front_end, link)
+        );
+    }
+}
