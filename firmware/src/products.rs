@@ -1,11 +1,11 @@
 //! Map products other than the map itself: detections, and image chips that accumulate the maps of all sub-CPIs.
 
 use subaperture_core::Complex32;
-use subaperture_core::accumulate::{ChipKernel, add_patch_map};
+use subaperture_core::accumulate::{ChipKernel, add_patch_map, add_power};
 use subaperture_core::cfar::{Cfar, CfarSearch, Column, Detection};
 use subaperture_core::link::{
-    CHIP_PART_PIXELS, ChipGrid, Encoding, ImageCapacity, MAX_ACCUMULATED_BYTES, Refusal,
-    write_pixels,
+    CHIP_PART_PIXELS, ChipGrid, Encoding, ImageCapacity, MAX_ACCUMULATED_BYTES, PixelEncoding,
+    Refusal, write_pixels,
 };
 use subaperture_core::stream::{MapHeader, PatchMap, Setup};
 
@@ -67,6 +67,8 @@ pub(crate) struct Products<'a> {
     pub(crate) cfar: Option<Cfar>,
     pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
     num_chips: usize,
+    /// Whether the chips accumulate the power of each sub-CPI, in the real parts of their pixels.
+    power: bool,
     /// Number of sub-CPIs accumulated, and the sum of their pulse weights.
     pub(crate) sub_cpis: u32,
     pub(crate) weight_sum: f32,
@@ -91,6 +93,7 @@ impl<'a> Products<'a> {
             cfar: None,
             detections: heapless::Vec::new(),
             num_chips: 0,
+            power: false,
             sub_cpis: 0,
             weight_sum: 0.0,
             is_partial: false,
@@ -110,6 +113,7 @@ impl<'a> Products<'a> {
     pub(crate) fn clear(&mut self) {
         self.cfar = None;
         self.num_chips = 0;
+        self.power = false;
         self.sub_cpis = 0;
         self.weight_sum = 0.0;
         self.is_partial = false;
@@ -191,6 +195,24 @@ impl<'a> Products<'a> {
         Ok(())
     }
 
+    /// Accumulate power in place of the coherent sum. Refused once the chips contain a sub-CPI.
+    pub(crate) fn set_power(&mut self) -> Result<(), Refusal> {
+        if self.sub_cpis > 0 && !self.power {
+            return Err(Refusal::NotConfigured);
+        }
+        self.power = true;
+        Ok(())
+    }
+
+    /// Encoding of the chips, given that of maps.
+    pub(crate) fn chip_encoding(&self, maps: Encoding) -> PixelEncoding {
+        if self.power {
+            PixelEncoding::Power
+        } else {
+            maps.into()
+        }
+    }
+
     /// Start the products of a map.
     pub(crate) fn begin_map(&mut self, map: &PatchMap<'_>) {
         self.detections.clear();
@@ -259,30 +281,49 @@ impl<'a> Products<'a> {
         let pixels = pixels.get_mut(range)?;
         // The map is normalised by its number of pulses; the chip will be by the sum of all weights.
         let weight = f32::from(map.header.num_pulses);
+        let kernel = self.buffers.kernel;
         // Cannot fail: the pixels have the length of the grid.
-        let inside = add_patch_map(pixels, &grid, setup, map, self.buffers.kernel, weight).ok()?;
+        let inside = if self.power {
+            let mut look = [Complex32::ZERO; ChipGrid::STEP_PIXELS];
+            let mut power = [0.0; ChipGrid::STEP_PIXELS];
+            let look = look.get_mut(..pixels.len())?;
+            let power = power.get_mut(..pixels.len())?;
+            let weight = weight / map.header.weight_sum;
+            let inside = add_patch_map(look, &grid, setup, map, kernel, weight).ok()?;
+            for (power, pixel) in power.iter_mut().zip(&*pixels) {
+                *power = pixel.re;
+            }
+            add_power(power, look).ok()?;
+            for (pixel, power) in pixels.iter_mut().zip(power) {
+                pixel.re = *power;
+            }
+            inside
+        } else {
+            add_patch_map(pixels, &grid, setup, map, kernel, weight).ok()?
+        };
         let left_out = pixels.len().saturating_sub(inside) as u32;
         chip.left_out = chip.left_out.saturating_add(left_out);
         Some(())
     }
 
-    /// Encode a part of a chip into `out`, normalised by the weights.
+    /// Encode a part of a chip into `out`, normalised by the weights, or the power by the number of sub-CPIs.
     pub(crate) fn chip_part<'b>(
         &self,
         chip: &Chip,
         part: u16,
-        encoding: Encoding,
+        encoding: PixelEncoding,
         out: &'b mut [u8],
     ) -> Option<&'b [u8]> {
         let first = chip.first_pixel as usize;
         let pixels = self.buffers.pixels.get(first..)?;
         let pixels = pixels.get(..chip.grid.num_pixels())?;
         let pixels = pixels.chunks(CHIP_PART_PIXELS).nth(part.into())?;
-        let scale = if self.weight_sum > 0.0 {
-            1.0 / self.weight_sum
+        let sum = if self.power {
+            self.sub_cpis as f32
         } else {
-            0.0
+            self.weight_sum
         };
+        let scale = if sum > 0.0 { 1.0 / sum } else { 0.0 };
         write_pixels(encoding, pixels, scale, out)
     }
 }

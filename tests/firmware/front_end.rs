@@ -60,7 +60,7 @@ impl Drop for Board {
 }
 
 /// The image of samples from the front end is bit-identical to that of the same samples over the link, which the command compares
-/// with the core on this machine. Far fewer bytes go to the module.
+/// with the core on this machine, as it does the power image. Far fewer bytes go to the module.
 #[test]
 fn image_of_front_end_samples_equals_that_of_link() {
     let folder = tempfile::tempdir().unwrap();
@@ -86,6 +86,14 @@ fn image_of_front_end_samples_equals_that_of_link() {
             sent.push(bytes);
             images.push(npy::read(&folder.path().join(out).join("image.npy")).unwrap());
         }
+        let line = format!(
+            "link tcp://127.0.0.1:{} a.cphd --send image --power --verify --out {name}-power \
+             --grid x=-6:6:0.5,y=-6:6:0.5,z=0",
+            board.port
+        );
+        run(folder.path(), &line).succeeded();
+        let power = npy::read(&folder.path().join(format!("{name}-power/image.npy"))).unwrap();
+        assert!(power.pixels.iter().all(|z| z.re >= 0.0 && z.im == 0.0));
         assert!(2 * sent[0] < sent[1], "{sent:?}");
         let [front_end, link] = &images[..] else {
             unreachable!("two images");

@@ -17,7 +17,8 @@ use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::firmware::{Build, build};
 use subaperture_tests::link_scene::{
-    CHIPS, Keep, Kept, MAPS, PULSES, image_scene, job, judge, judge_image, recorded, scene,
+    CHIPS, COHERENT, Keep, Kept, MAPS, PULSES, image_scene, job, judge, judge_image, recorded,
+    scene,
 };
 
 fn settings(retries: u32) -> Settings {
@@ -349,7 +350,7 @@ fn image(faults: Faults, begin: Begin, retries: u32) -> Outcome {
     let mut buffers = Buffers::new();
     let mut session =
         Session::open(&mut module, &mut buffers, settings(retries), &mut Silent).unwrap();
-    let (outcome, image) = session.accumulate(&mut work, &CHIPS, &mut Silent);
+    let (outcome, image) = session.accumulate(&mut work, COHERENT, &mut Silent);
     println!("{}", outcome.counts);
     judge_image(&image);
     complete(&outcome);

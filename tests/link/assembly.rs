@@ -2,7 +2,7 @@
 
 use subaperture_core::Complex32;
 use subaperture_core::link::{
-    AssembledMap, ChipAssembly, ChipGrid, Encoding, LossCause, MapAssembly, Report,
+    AssembledMap, ChipAssembly, ChipGrid, Encoding, LossCause, MapAssembly, PixelEncoding, Report,
     TransferChecksum, row_bytes, write_pixels,
 };
 use subaperture_core::stream::{MapHeader, Node, Patch};
@@ -250,7 +250,7 @@ fn checksum_matches_description() {
 }
 
 /// Chip of 160 pixels: two whole parts and one of 32 pixels.
-fn check_chip(encoding: Encoding) {
+fn check_chip(encoding: PixelEncoding) {
     let grid = ChipGrid {
         patch: 0,
         origin_m: [1.0, 2.0, 3.0],
@@ -305,11 +305,12 @@ fn check_chip(encoding: Encoding) {
             for (i, (z, pixel)) in received.iter().zip(&pixels).enumerate() {
                 let last = 2.0 * 1.03f32.powi((i as i32 / 32) * 32 + 31);
                 // Half a unit of 2^-15 of at most twice the block's largest part, in each part.
-                let most = match encoding {
-                    Encoding::Complex32 => 0.0,
-                    Encoding::Sc16 => 1.5 * last / 32768.0,
+                let (sent, most) = match encoding {
+                    PixelEncoding::Complex32 => (*pixel, 0.0),
+                    PixelEncoding::Sc16 => (*pixel, 1.5 * last / 32768.0),
+                    PixelEncoding::Power => (Complex32::from(pixel.re), 0.0),
                 };
-                assert!((z - pixel * 2.0).norm() <= most, "{i}: {z} {pixel}");
+                assert!((z - sent * 2.0).norm() <= most, "{i}: {z} {pixel}");
             }
         }
     }
@@ -334,8 +335,9 @@ fn check_chip(encoding: Encoding) {
 
 #[test]
 fn chips_are_complete_or_lost() {
-    check_chip(Encoding::Complex32);
-    check_chip(Encoding::Sc16);
+    check_chip(PixelEncoding::Complex32);
+    check_chip(PixelEncoding::Sc16);
+    check_chip(PixelEncoding::Power);
 }
 
 /// The largest part of a block keeps 15 bits at any level, and zeros stay zeros.
@@ -346,12 +348,12 @@ fn pixels_in_16_bits_keep_their_relative_precision() {
         for mantissa in [1.0f32, 1.5, 1.999_99, 2.0 - f32::EPSILON] {
             let value = mantissa * 2f32.powi(exponent);
             let pixel = Complex32::new(-value, value / 3.0);
-            let bytes = write_pixels(Encoding::Sc16, &[pixel], 1.0, &mut buffer).unwrap();
+            let bytes = write_pixels(PixelEncoding::Sc16, &[pixel], 1.0, &mut buffer).unwrap();
             let row = subaperture_core::link::Row::new(Encoding::Sc16, 1, bytes).unwrap();
             let back = row.values().next().unwrap();
             assert!((back - pixel).norm() <= value / 16384.0, "{pixel} {back}");
         }
     }
-    let bytes = write_pixels(Encoding::Sc16, &[Complex32::ZERO], 1.0, &mut buffer);
+    let bytes = write_pixels(PixelEncoding::Sc16, &[Complex32::ZERO], 1.0, &mut buffer);
     assert_eq!(bytes, Some(&[0; 5][..]));
 }

@@ -21,7 +21,9 @@ use subaperture_firmware::front_end::frame::{self, HEAD_BYTES, Order, SYNC, fram
 use subaperture_firmware::front_end::{Coding, FrameStream, FrontEnd, SpiConverter};
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::front_end::{Port, digitised, framed};
-use subaperture_tests::link_scene::{CHIPS, Keep, MAPS, PULSES, image_scene, job, recorded, scene};
+use subaperture_tests::link_scene::{
+    COHERENT, Keep, MAPS, PULSES, image_scene, job, recorded, scene,
+};
 use subaperture_tests::module::{Manner, Module};
 
 /// Pulses per sub-CPI of the scene.
@@ -262,7 +264,7 @@ fn image_over_bad_line_equals_that_of_core() {
     let mut session = Session::open(&mut line, &mut buffers, settings(), &mut Silent).unwrap();
     let mut work = job(&scene, &recording, Encoding::Complex32);
     work.pulses = geometry(&scene.pulses, &recording);
-    let (outcome, image) = session.accumulate(&mut work, &CHIPS, &mut Silent);
+    let (outcome, image) = session.accumulate(&mut work, COHERENT, &mut Silent);
     println!("{}", outcome.counts);
     assert!(
         matches!(outcome.ending, TransferEnd::Complete),
@@ -270,7 +272,7 @@ fn image_over_bad_line_equals_that_of_core() {
     );
     assert!(outcome.counts.frames_to_module.damaged > 0);
     let mut core = HostCore::new(job(&scene, &recording, Encoding::Complex32)).unwrap();
-    let expected = by_host_core(&mut core, &CHIPS, &image.sub_cpis).unwrap();
+    let expected = by_host_core(&mut core, COHERENT, &image.sub_cpis).unwrap();
     assert_eq!(image.sub_cpis.len(), MAPS / 2);
     assert_eq!(image, expected);
 }

@@ -4,8 +4,8 @@ use subaperture_core::Pulse;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, Event, ImageCapacity,
-    Increment, Level, LinkCounters, Motion, MotionConfiguration, ProfileHeader, Refusal, Report,
-    State, Status, SweepConfiguration,
+    Increment, Level, LinkCounters, Motion, MotionConfiguration, PixelEncoding, ProfileHeader,
+    Refusal, Report, State, Status, SweepConfiguration,
 };
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
@@ -130,6 +130,7 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
         Command::Geometry {
             pulse: GOLDEN_PULSE,
         },
+        Command::Power,
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -224,7 +225,7 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
             maps: 6,
             weight_sum: 384.0,
             left_out: 200,
-            encoding: Encoding::Sc16,
+            encoding: PixelEncoding::Sc16,
         },
         Report::ChipPart {
             chip: 0,
@@ -369,7 +370,7 @@ const GOLDEN_PULSE: Pulse = Pulse {
     weight: 0.75,
 };
 
-const COMMAND_FRAMES: [&str; 22] = [
+const COMMAND_FRAMES: [&str; 23] = [
     // Hello
     "02020101010102a8030afc00",
     // Configure
@@ -420,6 +421,8 @@ const COMMAND_FRAMES: [&str; 22] = [
     // Geometry
     "03021501010515f0a204010101010103f83f010101010458bb400101010101010101010101010458bb400101010104\
      58bb40010101010103f03f010101010458bb4001010105b055d3400107403f7d35766500",
+    // Power
+    "03021601010616dbd77ee700",
 ];
 const REPORT_FRAMES: [&str; 20] = [
     // Identity

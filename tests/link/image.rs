@@ -6,9 +6,10 @@
 
 use std::time::Duration;
 
+use subaperture::module::accumulated::by_host_core;
 use subaperture::module::link::{
-    AccumulatedImage, Buffers, Counts, DetectionSink, LinkError, Outcome, Session, SessionObserver,
-    Settings, SinkError, TransferEnd,
+    AccumulatedImage, Buffers, Counts, DetectionSink, HostCore, LinkError, Outcome, Session,
+    SessionObserver, Settings, SinkError, TransferEnd,
 };
 use subaperture::monitor::Silent;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
@@ -16,7 +17,7 @@ use subaperture_core::link::Encoding;
 use subaperture_core::stream::{MapSamples, PatchMap};
 use subaperture_tests::faults::Faults;
 use subaperture_tests::link_scene::{
-    CHIPS, Key, MAPS, PULSES, expected, image_scene, job, judge_image, recorded,
+    CHIPS, COHERENT, Key, MAPS, POWER, PULSES, expected, image_scene, job, judge_image, recorded,
 };
 use subaperture_tests::module::{Manner, Module};
 
@@ -37,7 +38,7 @@ fn image(faults: Faults, settings: Settings) -> (Outcome, AccumulatedImage) {
     let mut module = Module::behind(faults, Manner::default());
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
-    let (outcome, image) = session.accumulate(&mut job, &CHIPS, &mut Silent);
+    let (outcome, image) = session.accumulate(&mut job, COHERENT, &mut Silent);
     println!("{}", outcome.counts);
     judge_image(&image);
     let counts = &outcome.counts;
@@ -161,7 +162,7 @@ fn cancelled_transfer_keeps_the_image_so_far() {
         let settings = settings(3);
         let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
         let mut cancel = CancelAt { at, bytes: 0 };
-        let (outcome, image) = session.accumulate(&mut job, &CHIPS, &mut cancel);
+        let (outcome, image) = session.accumulate(&mut job, COHERENT, &mut cancel);
         println!(
             "{at}: {} sub-CPIs, {}",
             image.sub_cpis.len(),
@@ -223,12 +224,84 @@ fn second_image_of_a_session_starts_empty() {
     let mut images = Vec::new();
     for _ in 0..2 {
         let mut job = job(&scene, &recording, Encoding::Complex32);
-        let (outcome, image) = session.accumulate(&mut job, &CHIPS, &mut Silent);
+        let (outcome, image) = session.accumulate(&mut job, COHERENT, &mut Silent);
         assert!(matches!(outcome.ending, TransferEnd::Complete));
         judge_image(&image);
         images.push(image);
     }
     assert_eq!(images[0], images[1]);
+}
+
+/// Power of the chips, with faults on the line.
+fn power(faults: Faults, retries: u32) -> (Outcome, AccumulatedImage) {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut job = job(&scene, &recording, Encoding::Complex32);
+    let mut module = Module::behind(faults, Manner::default());
+    let mut buffers = Buffers::new();
+    let settings = settings(retries);
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let (outcome, image) = session.accumulate(&mut job, POWER, &mut Silent);
+    println!("{}", outcome.counts);
+    (outcome, image)
+}
+
+/// The mean over the sub-CPIs of the power of each one's image, against a float64 sum over all pulses and frequencies.
+#[test]
+fn power_image_matches_exact_sum() {
+    let scene = image_scene();
+    let (outcome, image) = power(Faults::default(), 0);
+    assert!(matches!(outcome.ending, TransferEnd::Complete));
+    let blocks: Vec<_> = (0..PULSES)
+        .step_by(4)
+        .map(|n| n..PULSES.min(n + 4))
+        .collect();
+    let (mut error, mut whole) = (0.0, 0.0);
+    for (grid, chip) in CHIPS.iter().zip(&image.chips) {
+        let mut received = chip.as_ref().unwrap().iter();
+        for row in 0..grid.num_rows {
+            for column in 0..grid.num_columns {
+                let point_m = [0, 1, 2].map(|i| {
+                    grid.origin_m[i]
+                        + f64::from(column) * grid.column_step_m[i]
+                        + f64::from(row) * grid.row_step_m[i]
+                });
+                let looks = blocks
+                    .iter()
+                    .map(|block| scene.image_at(block.clone(), point_m).norm_sqr());
+                let exact = looks.sum::<f64>() / blocks.len() as f64;
+                let pixel = received.next().unwrap();
+                assert_eq!(pixel.im, 0.0);
+                error += (f64::from(pixel.re) - exact).powi(2);
+                whole += exact * exact;
+            }
+        }
+    }
+    let error_db = 10.0 * (error / whole).log10();
+    println!("{error_db:.1} dB");
+    assert!(error_db < -60.0, "{error_db}");
+}
+
+#[test]
+fn power_image_over_bad_line_equals_that_of_core() {
+    let faults = Faults {
+        seed: 9,
+        bit_errors: 1e-4,
+        restarts_at: vec![5_000],
+        ..Faults::default()
+    };
+    let (outcome, image) = power(faults, 1000);
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut core = HostCore::new(job(&scene, &recording, Encoding::Complex32)).unwrap();
+    assert_eq!(
+        image,
+        by_host_core(&mut core, POWER, &image.sub_cpis).unwrap()
+    );
 }
 
 const CFAR: Cfar = Cfar {

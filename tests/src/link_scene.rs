@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
-use subaperture::module::link::{AccumulatedImage, Job, MapSink, PulseSource, SinkError};
+use subaperture::module::link::{
+    AccumulatedImage, ImageRequest, ImageSum, Job, MapSink, PulseSource, SinkError,
+};
 use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
 use subaperture_core::accumulate::{ChipKernel, add_patch_map};
 use subaperture_core::link::{AssembledMap, ChipGrid, Encoding};
@@ -46,6 +48,18 @@ pub const CHIPS: [ChipGrid; 2] = [
         num_rows: 3,
     },
 ];
+
+/// The complex image of [`CHIPS`].
+pub const COHERENT: ImageRequest<'static> = ImageRequest {
+    chips: &CHIPS,
+    sum: ImageSum::Coherent,
+};
+
+/// The mean power of the sub-CPIs on [`CHIPS`].
+pub const POWER: ImageRequest<'static> = ImageRequest {
+    sum: ImageSum::Power,
+    ..COHERENT
+};
 
 /// Assert that an image is bit-identical to the sum, over the sub-CPIs that it lists, of the maps of the core on this machine.
 ///

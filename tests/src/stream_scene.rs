@@ -190,6 +190,24 @@ impl Scene {
         scene
     }
 
+    /// Image of a block of pulses at a point, in float64: the sum over pulses and frequencies of the samples, weighted, in phase with
+    /// a scatterer there, divided by the sum of the weights.
+    pub fn image_at(&self, pulses: Range<usize>, point_m: [f64; 3]) -> Complex64 {
+        let (mut sum, mut weights) = (Complex64::ZERO, 0.0);
+        for n in pulses {
+            let pulse = &self.pulses[n];
+            let weight = f64::from(pulse.weight);
+            weights += weight;
+            for (k, (sample, fast)) in self.samples[n].iter().zip(&self.weights).enumerate() {
+                let f = self.setup.start_hz + k as f64 * self.setup.step_hz;
+                let sample = Complex64::new(sample.re.into(), sample.im.into());
+                let phase = TAU * f * path(pulse, point_m) / C;
+                sum += weight * f64::from(*fast) * sample * Complex64::cis(phase);
+            }
+        }
+        sum / weights
+    }
+
     /// The defining sum at fractional bins, in float64.
     pub fn value(&self, pulses: Range<usize>, patch: usize, d: f64, r: f64) -> Complex64 {
         let setup = &self.setup;

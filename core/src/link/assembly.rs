@@ -20,7 +20,9 @@ use serde::Serialize;
 use super::frame::CRC;
 use num_complex::Complex32;
 
-use super::{CHIP_PART_PIXELS, ChipGrid, Encoding, Report, Row, row_bytes};
+use super::{
+    CHIP_PART_PIXELS, ChipGrid, Encoding, PixelEncoding, Report, Row, pixel_bytes, row_bytes,
+};
 use crate::stream::MapHeader;
 
 /// Checksum of a transfer: CRC-32/ISO-HDLC over the postcard encoding of the header (a [`MapHeader`] or a
@@ -417,7 +419,7 @@ pub struct AssembledChip<'s> {
     /// Number of contributions left out because the pixel lies outside the map.
     pub left_out: u32,
     /// Encoding of the pixels.
-    pub encoding: Encoding,
+    pub encoding: PixelEncoding,
     /// Bytes of the pixels as received ([`AssembledChip::pixels`]).
     pub bytes: &'s [u8],
 }
@@ -426,27 +428,27 @@ impl<'s> AssembledChip<'s> {
     /// Pixels, row-major.
     pub fn pixels(&self) -> impl Iterator<Item = Complex32> + 's {
         let (encoding, pixels) = (self.encoding, self.grid.num_pixels());
-        let len = row_bytes(encoding, CHIP_PART_PIXELS).unwrap_or(usize::MAX);
+        let len = pixel_bytes(encoding, CHIP_PART_PIXELS).unwrap_or(usize::MAX);
         let parts = self.bytes.chunks(len).enumerate();
         parts
             .filter_map(move |(part, bytes)| {
                 let before = part.checked_mul(CHIP_PART_PIXELS)?;
                 let width = pixels.checked_sub(before)?.min(CHIP_PART_PIXELS);
-                Row::new(encoding, width, bytes)
+                Row::of_pixels(encoding, width, bytes)
             })
             .flat_map(|row| row.values())
     }
 }
 
 /// Parts of a chip of this many pixels.
-fn chip_parts(encoding: Encoding, pixels: usize) -> Option<Rows> {
+fn chip_parts(encoding: PixelEncoding, pixels: usize) -> Option<Rows> {
     let last = pixels % CHIP_PART_PIXELS;
-    let row_bytes = row_bytes(encoding, CHIP_PART_PIXELS)?;
+    let row_bytes = pixel_bytes(encoding, CHIP_PART_PIXELS)?;
     let whole = row_bytes.checked_mul(pixels / CHIP_PART_PIXELS)?;
     Some(Rows {
         count: pixels.div_ceil(CHIP_PART_PIXELS),
         row_bytes,
-        total_bytes: whole.checked_add(super::row_bytes(encoding, last)?)?,
+        total_bytes: whole.checked_add(pixel_bytes(encoding, last)?)?,
     })
 }
 

@@ -132,9 +132,12 @@ pub enum Command<'a> {
     },
     /// Send the geometry of one pulse, in a run with samples from the front end.
     Geometry {
-        /// Pulse metadata.
+        /// Number, time and geometry of the pulse.
         pulse: Pulse,
     },
+    /// Accumulate the power of each sub-CPI into the chips in place of the coherent sum, until the next configuration. Allowed
+    /// before the first run.
+    Power,
 }
 
 impl Message for Command<'_> {
@@ -198,9 +201,30 @@ impl Encoding {
     }
 }
 
+/// Encoding of the pixels of an image chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum PixelEncoding {
+    /// Complex pixels as in [`Encoding::Complex32`].
+    Complex32,
+    /// Complex pixels as in [`Encoding::Sc16`], with exponents.
+    Sc16,
+    /// Power ([`Command::Power`]) as float32, little endian: 4 bytes per pixel.
+    Power,
+}
+
+impl From<Encoding> for PixelEncoding {
+    fn from(encoding: Encoding) -> Self {
+        match encoding {
+            Encoding::Complex32 => Self::Complex32,
+            Encoding::Sc16 => Self::Sc16,
+        }
+    }
+}
+
 /// Pixel grid of an image chip: `origin + column * column_step + row * row_step`, metres. The chip is the sum of a
 /// patch's maps over all sub-CPIs divided by the sum of their pulse weights, so a scatterer of unit amplitude has
-/// amplitude 1.
+/// amplitude 1. With [`Command::Power`] it is the mean over the sub-CPIs of the power of each one's image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChipGrid {

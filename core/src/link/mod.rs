@@ -62,6 +62,7 @@
 //! | 19 | `Log` | least level, if any |
 //! | 20 | `StartFrontEnd` | run `u32`, first pulse `u32` |
 //! | 21 | `Geometry` | pulse |
+//! | 22 | `Power` | |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -72,7 +73,7 @@
 //! | 2 | `MapStart` | map `u32`, header, encoding |
 //! | 3 | `MapRow` | map `u32`, row `u16`, samples `bytes` |
 //! | 4 | `MapEnd` | map `u32`, rows `u16`, crc `u32` |
-//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32`, left out `u32`, encoding |
+//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32`, left out `u32`, pixel encoding |
 //! | 6 | `ChipPart` | chip `u32`, part `u16`, samples `bytes` |
 //! | 7 | `ChipEnd` | chip `u32`, parts `u16`, crc `u32` |
 //! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
@@ -92,6 +93,7 @@
 //! | patch | centre metres `[f64; 3]`, range reach `u16`, Doppler reach `u16` |
 //! | pulse | number `u32`, time seconds `f64`, transmitter metres `[f64; 3]`, receiver metres `[f64; 3]`, reference path metres `f64`, weight `f32` |
 //! | encoding | 0 `Complex32` (8 bytes a sample: real, imaginary `f32`), 1 `Sc16` (4 bytes a sample: real, imaginary 16-bit two's complement, little endian, in units of `2^-15`) |
+//! | pixel encoding | 0 `Complex32`, 1 `Sc16`, both as above; 2 `Power` (4 bytes a pixel: `f32`) |
 //! | cfar | guard and training cells in range, guard and training cells in Doppler, `u16` each; probability of false alarm `f64` |
 //! | motion setup | frequencies `u16`, range length `u16`, start hertz `f64`, step hertz `f64`, side lobes dB `f64`, nearest and farthest range metres `[f64; 2]`, guard and training cells `u16` each, rank `f64`, probability of false alarm `f64`, least SNR dB `f64`, follow |
 //! | follow | gate, acceleration, distance apart in cells `f64` each, seen, within, bridge pulses `u16` each |
@@ -198,7 +200,8 @@ pub use assembly::{
     AssembledChip, AssembledMap, ChipAssembly, Loss, LossCause, MapAssembly, TransferChecksum,
 };
 pub use command::{
-    ChipGrid, Command, Configuration, Encoding, MotionConfiguration, SweepConfiguration,
+    ChipGrid, Command, Configuration, Encoding, MotionConfiguration, PixelEncoding,
+    SweepConfiguration,
 };
 pub use event::{Event, Level};
 pub use frame::{
@@ -213,8 +216,9 @@ pub use report::{
 };
 pub use samples::{
     CHIP_PART_PIXELS, DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections,
-    f32s, pairs, places, row_bytes, sc16s, write_block_row, write_complex32s, write_detections,
-    write_f32s, write_map_row, write_pairs, write_pixels, write_places, write_sc16s,
+    f32s, pairs, pixel_bytes, places, row_bytes, sc16s, write_block_row, write_complex32s,
+    write_detections, write_f32s, write_map_row, write_pairs, write_pixels, write_places,
+    write_sc16s,
 };
 
 /// Serialise bytes in one piece. serde would serialise a slice element by element, to the same bytes.

@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ChipGrid, Encoding, Event, LinkCounters, MAX_ANTENNAS, Message};
+use super::{ChipGrid, Encoding, Event, LinkCounters, MAX_ANTENNAS, Message, PixelEncoding};
 use crate::motion::{self, Step};
 use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
 use crate::sweep;
@@ -76,7 +76,7 @@ pub enum Report<'a> {
         /// Number of contributions left out because the pixel lies outside the map: 0 if the patch contains the chip.
         left_out: u32,
         /// Encoding of the pixels.
-        encoding: Encoding,
+        encoding: PixelEncoding,
     },
     /// Next pixels of the chip, row-major.
     ChipPart {

@@ -17,7 +17,7 @@
 
 use num_complex::{Complex, Complex32};
 
-use super::Encoding;
+use super::{Encoding, PixelEncoding};
 use crate::Sc16;
 use crate::cfar::Detection;
 use crate::stream::{BlockFloat, MapSamples, PatchMap, power_of_two};
@@ -160,10 +160,19 @@ pub const fn row_bytes(encoding: Encoding, width: usize) -> Option<usize> {
     }
 }
 
-/// Map row as received.
+/// Number of bytes of `count` pixels of a chip. `None` on overflow.
+pub const fn pixel_bytes(encoding: PixelEncoding, count: usize) -> Option<usize> {
+    match encoding {
+        PixelEncoding::Complex32 => row_bytes(Encoding::Complex32, count),
+        PixelEncoding::Sc16 => row_bytes(Encoding::Sc16, count),
+        PixelEncoding::Power => count.checked_mul(4),
+    }
+}
+
+/// Map row, or part of a chip, as received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row<'a> {
-    encoding: Encoding,
+    encoding: PixelEncoding,
     samples: &'a [u8],
     exponents: &'a [u8],
 }
@@ -171,11 +180,19 @@ pub struct Row<'a> {
 impl<'a> Row<'a> {
     /// Interpret `bytes` as a row of `width` samples. `None` if their number is not [`row_bytes`].
     pub fn new(encoding: Encoding, width: usize, bytes: &'a [u8]) -> Option<Self> {
-        if row_bytes(encoding, width)? != bytes.len() {
+        Self::of_pixels(encoding.into(), width, bytes)
+    }
+
+    /// Interpret `bytes` as `count` pixels of a chip. `None` if their number is not [`pixel_bytes`].
+    pub fn of_pixels(encoding: PixelEncoding, count: usize, bytes: &'a [u8]) -> Option<Self> {
+        if pixel_bytes(encoding, count)? != bytes.len() {
             return None;
         }
-        let (samples, exponents) =
-            bytes.split_at_checked(width.checked_mul(encoding.sample_bytes())?)?;
+        let samples = match encoding {
+            PixelEncoding::Sc16 => count.checked_mul(Encoding::Sc16.sample_bytes())?,
+            PixelEncoding::Complex32 | PixelEncoding::Power => bytes.len(),
+        };
+        let (samples, exponents) = bytes.split_at_checked(samples)?;
         Some(Self {
             encoding,
             samples,
@@ -183,46 +200,56 @@ impl<'a> Row<'a> {
         })
     }
 
-    /// Values in ascending range order; exact for either encoding.
+    /// Values in ascending range order, exact in every encoding; power as real parts.
     pub fn values(&self) -> impl Iterator<Item = Complex32> + Clone + use<'a> {
-        // One of the two is empty.
-        let (floats, mantissas) = match self.encoding {
-            Encoding::Complex32 => (self.samples, [].as_slice()),
-            Encoding::Sc16 => ([].as_slice(), self.samples),
+        // All but one are empty.
+        let none = [].as_slice();
+        let (complex, mantissas, real) = match self.encoding {
+            PixelEncoding::Complex32 => (self.samples, none, none),
+            PixelEncoding::Sc16 => (none, self.samples, none),
+            PixelEncoding::Power => (none, none, self.samples),
         };
         let exponents = self.exponents.iter();
         let scales = exponents.flat_map(|e| {
             core::iter::repeat_n(power_of_two(i8::from_le_bytes([*e])), BlockFloat::BLOCK)
         });
         let scaled = sc16s(mantissas).zip(scales);
-        complex32s(floats).chain(scaled.map(|(mantissa, scale)| mantissa.to_complex32() * scale))
+        complex32s(complex)
+            .chain(scaled.map(|(mantissa, scale)| mantissa.to_complex32() * scale))
+            .chain(f32s(real).map(Complex32::from))
     }
 }
 
 /// Number of pixels of every part of an image chip except the last.
 pub const CHIP_PART_PIXELS: usize = 64;
 
-/// Write `scale` times some pixels of an image chip. In [`Encoding::Sc16`] each block of 32 has the smallest exponent of two
-/// that holds its largest part, so a pixel is rounded to `2^-15` of that part. `None` if the buffer is too short.
+/// Write `scale` times some pixels of an image chip. In [`PixelEncoding::Sc16`] each block of 32 has the smallest exponent of two
+/// that holds its largest part, so a pixel is rounded to `2^-15` of that part. In [`PixelEncoding::Power`] only real parts are written. `None` if the buffer is too
+/// short.
 pub fn write_pixels<'b>(
-    encoding: Encoding,
+    encoding: PixelEncoding,
     pixels: &[Complex32],
     scale: f32,
     buffer: &'b mut [u8],
 ) -> Option<&'b [u8]> {
-    let places = buffer.get_mut(..row_bytes(encoding, pixels.len())?)?;
-    let (samples, exponents) =
-        places.split_at_mut_checked(pixels.len().checked_mul(encoding.sample_bytes())?)?;
+    let places = buffer.get_mut(..pixel_bytes(encoding, pixels.len())?)?;
     let scaled = |pixel: &Complex32| Complex32::new(pixel.re * scale, pixel.im * scale);
     match encoding {
-        Encoding::Complex32 => {
-            for (place, pixel) in samples.as_chunks_mut().0.iter_mut().zip(pixels) {
+        PixelEncoding::Complex32 => {
+            for (place, pixel) in places.as_chunks_mut().0.iter_mut().zip(pixels) {
                 let z = scaled(pixel);
                 let ([a, b, c, d], [e, f, g, h]) = (z.re.to_le_bytes(), z.im.to_le_bytes());
                 *place = [a, b, c, d, e, f, g, h];
             }
         }
-        Encoding::Sc16 => {
+        PixelEncoding::Power => {
+            for (place, pixel) in places.as_chunks_mut().0.iter_mut().zip(pixels) {
+                *place = (pixel.re * scale).to_le_bytes();
+            }
+        }
+        PixelEncoding::Sc16 => {
+            let mantissas = pixels.len().checked_mul(Encoding::Sc16.sample_bytes())?;
+            let (samples, exponents) = places.split_at_mut_checked(mantissas)?;
             let bytes = 4 * BlockFloat::BLOCK;
             let blocks = samples.chunks_mut(bytes).zip(exponents);
             for ((samples, exponent), pixels) in blocks.zip(pixels.chunks(BlockFloat::BLOCK)) {

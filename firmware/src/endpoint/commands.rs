@@ -92,6 +92,7 @@ impl<E: WireEngine> Module<'_, E> {
             }
             Command::StartFrontEnd { run, first } => self.start_front_end(run, first),
             Command::Geometry { pulse } => self.push_geometry(&pulse),
+            Command::Power => self.add_product(|products| products.set_power()),
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
@@ -136,7 +137,7 @@ impl<E: WireEngine> Module<'_, E> {
     }
 
     /// Whether the current configuration produces maps.
-    fn makes_maps(&self) -> bool {
+    pub(super) fn makes_maps(&self) -> bool {
         self.processor.setup().is_some()
             && !self.increments.is_configured()
             && !self.profiles.is_configured()

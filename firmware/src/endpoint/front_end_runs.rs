@@ -2,7 +2,6 @@
 
 use subaperture_core::Pulse;
 use subaperture_core::link::{Encoding, Refusal, State};
-use subaperture_core::stream::{Quantity, SetupError};
 
 use super::module::Module;
 use crate::engine::WireEngine;
@@ -37,7 +36,7 @@ impl<'a> Source<'a> {
                 .is_none_or(|(_, queue)| queue.is_empty())
     }
 
-    /// End its run.
+    /// End the run and forget its geometry.
     pub(super) fn stop(&mut self) {
         self.active = false;
         if let Some((_, queue)) = &mut self.parts {
@@ -62,25 +61,18 @@ impl<'a> Source<'a> {
 impl<E: WireEngine> Module<'_, E> {
     /// Start a run with samples from the front end.
     pub(super) fn start_front_end(&mut self, run: u32, first: u32) -> Result<(), Refusal> {
-        let samples = self.processor.setup().map(|setup| setup.num_frequencies);
-        let Some((front_end, _)) = &mut self.source.parts else {
+        let Some((front_end, _)) = self.source.parts.as_ref().filter(|_| self.makes_maps()) else {
             return Err(Refusal::Unsupported);
         };
-        if self.increments.is_configured() || self.profiles.is_configured() {
-            return Err(Refusal::Unsupported);
-        }
-        let (samples, most) = (samples.unwrap_or(0), front_end.max_samples());
-        if usize::from(samples) > most {
-            return Err(Refusal::Setup(SetupError::Size {
-                what: Quantity::Frequencies,
-                wanted: samples.into(),
-                most: most as u32,
-            }));
-        }
+        let setup = self.processor.setup().ok_or(Refusal::NotConfigured)?;
+        let samples = usize::from(setup.num_frequencies);
+        let mut capacity = *self.processor.capacity();
+        capacity.frequencies = front_end.max_samples().min(u16::MAX.into()) as u16;
+        setup.check(&capacity).map_err(Refusal::Setup)?;
         let repeated = self.run == Some(run) && self.state != State::Ready;
         self.start(run, first)?;
         if let Some((front_end, _)) = self.source.parts.as_mut().filter(|_| !repeated) {
-            front_end.begin(first, samples.into());
+            front_end.begin(first, samples);
             self.source.active = true;
             self.source.next = first;
         }

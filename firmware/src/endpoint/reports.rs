@@ -185,7 +185,8 @@ impl<E: WireEngine> Module<'_, E> {
         match transfer {
             Transfer::ChipPart { part, mut checksum } => {
                 let products = &self.products;
-                if let Some(samples) = products.chip_part(chip, part, E::MAP_ENCODING, self.row) {
+                let encoding = products.chip_encoding(E::MAP_ENCODING);
+                if let Some(samples) = products.chip_part(chip, part, encoding, self.row) {
                     checksum.add_row(samples);
                     let report = Report::ChipPart {
                         chip: number,
@@ -215,7 +216,7 @@ impl<E: WireEngine> Module<'_, E> {
                     maps: self.products.sub_cpis,
                     weight_sum: self.products.weight_sum,
                     left_out: chip.left_out,
-                    encoding: E::MAP_ENCODING,
+                    encoding: self.products.chip_encoding(E::MAP_ENCODING),
                 };
                 self.pending = send(&mut self.encoder, self.frame, &report);
                 let checksum = TransferChecksum::new(&chip.grid);

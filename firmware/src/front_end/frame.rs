@@ -28,18 +28,18 @@ pub const fn frame_bytes(num_samples: usize) -> usize {
 /// Order of the two parts of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// In-phase part first.
+    /// In-phase part, then quadrature part.
     InPhaseFirst,
-    /// Quadrature part first.
+    /// Quadrature part, then in-phase part.
     QuadratureFirst,
 }
 
 /// Head of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head {
-    /// Pulse number.
+    /// Pulse number, counted by the sender.
     pub number: u32,
-    /// Number of samples.
+    /// Number of complex samples.
     pub num_samples: u16,
     /// Order of the two parts of a sample.
     pub order: Order,

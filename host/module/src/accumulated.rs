@@ -2,16 +2,16 @@
 //!
 //! Every patch has a chip: the rectangle of the grid's pixels that belong to it. The module sums the maps of each patch over
 //! all sub-CPIs at the pixels of its chip (`subaperture_core::accumulate`, the range-Doppler backprojection of Schone 2020,
-//! chapter 3), and sends each chip once. The bytes from the module are those of the pixels, however many pulses there are.
+//! chapter 3), or the power of each sub-CPI ([`ImageSum::Power`]), and sends each chip once. The bytes from the module are those of the pixels, however many pulses there are.
 //!
 //! **Error**: that of the plan for [`ModuleProduct::Image`](crate::plan::ModuleProduct::Image). **Tests**: `tests/link/image.rs`,
 //! `tests/firmware/gotcha.rs`.
 
 use num_complex::Complex32;
 use subaperture_core::accumulate::{ChipKernel, add_patch_map};
-use subaperture_core::link::{CHIP_PART_PIXELS, ChipGrid, Row, write_pixels};
+use subaperture_core::link::{CHIP_PART_PIXELS, ChipGrid, PixelEncoding, Row, write_pixels};
 
-use crate::link::{AccumulatedImage, HostCore};
+use crate::link::{AccumulatedImage, HostCore, ImageRequest, ImageSum};
 use crate::plan::ModulePlan;
 use subaperture_focus::patch::{Rectangle, rectangles};
 use subaperture_model::geometry::ImageGrid;
@@ -58,11 +58,13 @@ pub fn chips(plan: &ModulePlan, grid: &ImageGrid) -> Vec<ChipGrid> {
     chips.collect()
 }
 
-/// Image of the chips on the grid; pixels of missing chips are zero. Samples were multiplied by `amplitude_scale`.
+/// Image of the chips on the grid; pixels of missing chips are zero. A pixel of power is its root, the amplitude. Samples were
+/// multiplied by `amplitude_scale`.
 pub fn assemble(
     plan: &ModulePlan,
     grid: &ImageGrid,
     received: &AccumulatedImage,
+    sum: ImageSum,
     amplitude_scale: f32,
 ) -> Image {
     let columns = grid.columns.count;
@@ -74,6 +76,10 @@ pub fn assemble(
         for (i, line) in chip.chunks(size.columns).enumerate() {
             let first = (row + i) * columns + column;
             for (pixel, value) in pixels[first..].iter_mut().zip(line) {
+                let value = match sum {
+                    ImageSum::Coherent => *value,
+                    ImageSum::Power => Complex32::from(value.re.sqrt()),
+                };
                 *pixel = value / amplitude_scale;
             }
         }
@@ -92,10 +98,11 @@ pub fn assemble(
 /// [`ReadError`] if the recording cannot be read.
 pub fn by_host_core(
     core: &mut HostCore<'_>,
-    chips: &[ChipGrid],
+    request: ImageRequest<'_>,
     sub_cpis: &[u32],
 ) -> Result<AccumulatedImage, ReadError> {
     let kernel = ChipKernel::new();
+    let ImageRequest { chips, sum } = request;
     let mut sums: Vec<Vec<Complex32>> = chips
         .iter()
         .map(|chip| vec![Complex32::ZERO; chip.num_pixels()])
@@ -118,18 +125,34 @@ pub fn by_host_core(
             let weight = f32::from(map.header.num_pulses);
             for (range, part) in (0..).map_while(|step| grid.step(step)) {
                 let pixels = &mut pixels[range];
-                let inside = add_patch_map(pixels, &part, &setup, &map, &kernel, weight)
-                    .expect("as many pixels as the grid has");
+                let add = |pixels: &mut [Complex32], weight| {
+                    add_patch_map(pixels, &part, &setup, &map, &kernel, weight)
+                        .expect("as many pixels as the grid has")
+                };
+                let inside = match sum {
+                    ImageSum::Coherent => add(pixels, weight),
+                    ImageSum::Power => {
+                        let mut look = vec![Complex32::ZERO; pixels.len()];
+                        let inside = add(&mut look, weight / map.header.weight_sum);
+                        for (pixel, look) in pixels.iter_mut().zip(look) {
+                            pixel.re += look.norm_sqr();
+                        }
+                        inside
+                    }
+                };
                 image.left_out += (pixels.len() - inside) as u64;
             }
         }
     }
-    let (scale, encoding) = (1.0 / image.weight_sum, core.encoding());
+    let (scale, encoding) = match sum {
+        ImageSum::Coherent => (1.0 / image.weight_sum, core.encoding().into()),
+        ImageSum::Power => (1.0 / sub_cpis.len() as f32, PixelEncoding::Power),
+    };
     let mut bytes = [0; 8 * CHIP_PART_PIXELS];
     let mut received = |pixels: &[Complex32]| -> Vec<Complex32> {
         let parts = pixels.chunks(CHIP_PART_PIXELS).flat_map(|part| {
             let bytes = write_pixels(encoding, part, scale, &mut bytes);
-            let row = bytes.and_then(|bytes| Row::new(encoding, part.len(), bytes));
+            let row = bytes.and_then(|bytes| Row::of_pixels(encoding, part.len(), bytes));
             let row = row.expect("the buffer holds a part");
             row.values().collect::<Vec<_>>()
         });

@@ -290,6 +290,11 @@ pub(crate) struct Link {
     #[arg(long, value_enum, value_name = "PRODUCT", default_value_t = Sent::Maps)]
     pub(crate) send: Sent,
 
+    /// Mean power of the images of all sub-CPIs (noncoherent multilook) in place of the coherent image, only with --send
+    /// image: pixels are the root of the mean power, with the resolution of a sub-CPI
+    #[arg(long)]
+    pub(crate) power: bool,
+
     /// Probability of a false alarm per map cell, only with --send detections [default: 1e-6]
     #[arg(long, value_name = "P", value_parser = probability)]
     pub(crate) false_alarms: Option<f64>,

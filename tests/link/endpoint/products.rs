@@ -84,7 +84,7 @@ fn chip_of<'m>(
     }
     let mut bytes = [0; 8 * CHIP_PART_PIXELS];
     let pixels = pixels.chunks(CHIP_PART_PIXELS).flat_map(|part| {
-        let bytes = write_pixels(encoding, part, 1.0 / weights, &mut bytes).unwrap();
+        let bytes = write_pixels(encoding.into(), part, 1.0 / weights, &mut bytes).unwrap();
         let row = Row::new(encoding, part.len(), bytes).unwrap();
         row.values().collect::<Vec<_>>()
     });

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoding, Event, ImageCapacity, Increment, Level,
-    LinkCounters, Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status,
-    SweepConfiguration,
+    LinkCounters, Motion, MotionConfiguration, PixelEncoding, ProfileHeader, Refusal, Report,
+    State, Status, SweepConfiguration,
 };
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
@@ -77,6 +77,14 @@ impl Values {
             reference_path_m: self.place_m[2],
             weight: self.single,
         }
+    }
+
+    fn pixel_encoding(&self) -> PixelEncoding {
+        [
+            PixelEncoding::Complex32,
+            PixelEncoding::Sc16,
+            PixelEncoding::Power,
+        ][usize::from(self.byte % 3)]
     }
 
     fn encoding(&self) -> Encoding {
@@ -208,6 +216,7 @@ impl Values {
             Command::Geometry {
                 pulse: self.pulse(),
             },
+            Command::Power,
         ]
     }
 
@@ -366,7 +375,7 @@ impl Values {
                 maps: self.other,
                 weight_sum: self.single,
                 left_out: self.long,
-                encoding: self.encoding(),
+                encoding: self.pixel_encoding(),
             },
             Report::Accumulated {
                 first: self.other,

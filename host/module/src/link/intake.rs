@@ -43,8 +43,8 @@ impl<'c> Intake<'c> {
         match products {
             Products::Maps(_) => maps.max().unwrap_or(0),
             Products::Detections(..) => 0,
-            Products::Image(grids, _) => {
-                let chips = grids.iter().map(|grid| 8 * grid.num_pixels());
+            Products::Image(request, _) => {
+                let chips = request.chips.iter().map(|grid| 8 * grid.num_pixels());
                 chips.max().unwrap_or(0)
             }
         }
@@ -58,8 +58,8 @@ impl<'c> Intake<'c> {
         let assembly = match &mut products {
             Products::Maps(_) => Assembly::Maps(MapAssembly::new(buffer)),
             Products::Detections(..) => Assembly::Detections(DetectionAssembly::default()),
-            Products::Image(grids, image) => {
-                image.reset(grids.len());
+            Products::Image(request, image) => {
+                image.reset(request.chips.len());
                 Assembly::Chips(ChipAssembly::new(buffer))
             }
         };
@@ -117,9 +117,9 @@ impl<'c> Intake<'c> {
                 }
                 key
             }
-            (Assembly::Chips(assembly), Products::Image(grids, image)) => {
+            (Assembly::Chips(assembly), Products::Image(request, image)) => {
                 if let Ok(Some(chip)) = assembly.take(report) {
-                    image.accept(grids, &chip);
+                    image.accept(*request, &chip);
                 }
                 return Ok(());
             }
@@ -185,11 +185,11 @@ impl<'c> Intake<'c> {
 
     /// Forget an accumulated image: the module has lost it.
     pub(super) fn reset_image(&mut self, counts: &mut Counts) {
-        if let (Assembly::Chips(assembly), Products::Image(grids, image)) =
+        if let (Assembly::Chips(assembly), Products::Image(request, image)) =
             (&mut self.assembly, &mut self.products)
         {
             assembly.restart();
-            image.reset(grids.len());
+            image.reset(request.chips.len());
             counts.maps_taken -= self.taken.len() as u64;
             self.taken.clear();
         }

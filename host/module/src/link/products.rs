@@ -2,7 +2,9 @@
 
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Detection};
-use subaperture_core::link::{AssembledChip, AssembledMap, ChipGrid, Report, detections};
+use subaperture_core::link::{
+    AssembledChip, AssembledMap, ChipGrid, PixelEncoding, Report, detections,
+};
 
 use super::ending::SinkError;
 
@@ -13,15 +15,33 @@ pub enum Request<'a> {
     Maps,
     /// Detections on the maps with these settings.
     Detections(Cfar),
-    /// An image of one chip per patch, in the order of the patches.
-    Image(&'a [ChipGrid]),
+    /// Image of all sub-CPIs.
+    Image(ImageRequest<'a>),
+}
+
+/// Image requested from a module.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageRequest<'a> {
+    /// One chip per patch, in the order of the patches.
+    pub chips: &'a [ChipGrid],
+    /// Sum over the sub-CPIs.
+    pub sum: ImageSum,
+}
+
+/// Sum of the sub-CPIs of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageSum {
+    /// Coherent sum: the complex image.
+    Coherent,
+    /// Mean power of the images of the single sub-CPIs (noncoherent multilook, one look per sub-CPI), as real pixels.
+    Power,
 }
 
 /// Requested products of a job, with the receiver of each.
 pub(super) enum Products<'c> {
     Maps(&'c mut dyn MapSink),
     Detections(Cfar, &'c mut dyn DetectionSink),
-    Image(&'c [ChipGrid], &'c mut AccumulatedImage),
+    Image(ImageRequest<'c>, &'c mut AccumulatedImage),
 }
 
 impl<'c> Products<'c> {
@@ -30,7 +50,7 @@ impl<'c> Products<'c> {
         match self {
             Self::Maps(_) => Request::Maps,
             Self::Detections(cfar, _) => Request::Detections(*cfar),
-            Self::Image(grids, _) => Request::Image(grids),
+            Self::Image(request, _) => Request::Image(*request),
         }
     }
 
@@ -39,7 +59,7 @@ impl<'c> Products<'c> {
         match self {
             Self::Maps(sink) => Products::Maps(&mut **sink),
             Self::Detections(cfar, sink) => Products::Detections(*cfar, &mut **sink),
-            Self::Image(grids, image) => Products::Image(grids, image),
+            Self::Image(request, image) => Products::Image(*request, image),
         }
     }
 }
@@ -85,7 +105,7 @@ pub struct AccumulatedImage {
     pub weight_sum: f32,
     /// Number of contributions left out because a pixel lies outside the map of its patch. The image is wrong there.
     pub left_out: u64,
-    /// Pixels of the chips in the order of the patches, row-major. `None` for a chip that was not received.
+    /// Pixels of the chips in the order of the patches, row-major; power as real parts. `None` for a chip that was not received.
     pub chips: Vec<Option<Vec<Complex32>>>,
 }
 
@@ -104,10 +124,12 @@ impl AccumulatedImage {
         missing.map(|index| index as u16)
     }
 
-    /// Accept a chip of the requested grids. Chips of another sum are ignored.
-    pub(super) fn accept(&mut self, grids: &[ChipGrid], chip: &AssembledChip<'_>) {
+    /// Accept a requested chip. Chips of other sub-CPIs are ignored.
+    pub(super) fn accept(&mut self, request: ImageRequest<'_>, chip: &AssembledChip<'_>) {
         let index = usize::from(chip.grid.patch);
-        let requested = grids.get(index) == Some(&chip.grid);
+        let power = chip.encoding == PixelEncoding::Power;
+        let requested = request.chips.get(index) == Some(&chip.grid)
+            && power == (request.sum == ImageSum::Power);
         if !requested || chip.maps as usize != self.sub_cpis.len() {
             return;
         }

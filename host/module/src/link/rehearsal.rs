@@ -84,9 +84,9 @@ pub fn rehearse(
         let ending = match request {
             Request::Maps => session.transfer(&mut part, &mut clock, watch).ending,
             Request::Detections(cfar) => session.detect(&mut part, &cfar, &mut clock, watch).ending,
-            Request::Image(chips) => {
+            Request::Image(image) => {
                 let start = Instant::now();
-                let (outcome, _) = session.accumulate(&mut part, chips, watch);
+                let (outcome, _) = session.accumulate(&mut part, image, watch);
                 clock.came[sub_cpis - 1] = Some(start.elapsed());
                 outcome.ending
             }

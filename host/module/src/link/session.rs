@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use subaperture_core::cfar::Cfar;
 use subaperture_core::link::{
-    ChipGrid, Command, Event as ModuleEvent, LinkCounters, Receiver, Report, max_received_bytes,
+    Command, Event as ModuleEvent, LinkCounters, Receiver, Report, max_received_bytes,
 };
 
 use super::conversation::{Conversation, Event, JobSettings, Ledger, Step, TICK};
@@ -21,7 +21,9 @@ use super::identity::Identity;
 use super::intake::Intake;
 use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MAX_SAMPLES};
-use super::products::{AccumulatedImage, DetectionSink, DiscardMaps, MapSink, Products};
+use super::products::{
+    AccumulatedImage, DetectionSink, DiscardMaps, ImageRequest, MapSink, Products,
+};
 use super::settings::Settings;
 use super::transport::Transport;
 
@@ -170,17 +172,17 @@ impl<'b> Session<'b> {
         self.conduct(job, Products::Detections(*cfar, sink), watch)
     }
 
-    /// Accumulate the maps of `job`, which are not sent, into an image of one chip per patch, in the order of the patches. The
+    /// Accumulate the maps of `job`, which are not sent, into the image of `request`. The
     /// image contains the sub-CPIs that it lists, however the transfer ends. After a cancellation the module completes the
     /// sub-CPI at hand, and the image so far is received.
     pub fn accumulate(
         &mut self,
         job: &mut Job<'_>,
-        chips: &[ChipGrid],
+        request: ImageRequest<'_>,
         watch: &mut dyn SessionObserver,
     ) -> (Outcome, AccumulatedImage) {
         let mut image = AccumulatedImage::default();
-        let mut outcome = self.conduct(job, Products::Image(chips, &mut image), watch);
+        let mut outcome = self.conduct(job, Products::Image(request, &mut image), watch);
         let received = image.chips.iter().all(Option::is_some);
         if matches!(outcome.ending, TransferEnd::Complete) && !received {
             outcome.ending = TransferEnd::Incomplete;

@@ -85,6 +85,7 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
     let other_slow_window = typed.windows.slow_window != Window::default();
     for (option, given, expected) in [
         ("--picture", typed.picture.is_some(), &["maps"][..]),
+        ("--power", typed.power, &["image"]),
         ("--verify", typed.verify, &["maps", "image"]),
         (
             "--false-alarms",

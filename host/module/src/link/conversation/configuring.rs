@@ -1,7 +1,7 @@
 //! Configuration of a module before a run, one setting after another.
 //!
 //! ```text
-//! Abort ──> Configure ──> Weights(0..) ──> Patch(0..) ──> Chip(0..) | Detect ──> Ready
+//! Abort ──> Configure ──> Weights(0..) ──> Patch(0..) ──> Chip(0..), Power | Detect ──> Ready
 //! ```
 //!
 //! Each setting is a request: its command is repeated until the module's status confirms it.
@@ -12,7 +12,7 @@ use subaperture_core::link::{
 use subaperture_core::stream::{Patch, Setup};
 
 use crate::link::ending::LinkError;
-use crate::link::products::Request;
+use crate::link::products::{ImageSum, Request};
 
 /// Number of weights per message: few, since short frames are less likely to be hit by line noise.
 const WEIGHTS_A_FRAME: usize = 32;
@@ -70,6 +70,8 @@ pub(super) enum Setting {
     Patch(usize),
     /// Send the chip of this patch.
     Chip(usize),
+    /// Request the power of the sub-CPIs in place of their coherent sum.
+    Power,
     /// Send the settings of the detector.
     Detect,
     /// Confirm that everything was received.
@@ -81,8 +83,12 @@ impl Setting {
     pub(super) fn next(self, job_settings: &JobSettings<'_>) -> Option<Self> {
         let weights = |n: usize| n * WEIGHTS_A_FRAME < job_settings.fast_weights.len();
         let patch = |n: usize| n < job_settings.patches.len();
-        let chip =
-            |n: usize| matches!(job_settings.request, Request::Image(chips) if n < chips.len());
+        let image = match job_settings.request {
+            Request::Image(image) => Some(image),
+            _ => None,
+        };
+        let chip = |n: usize| image.is_some_and(|image| n < image.chips.len());
+        let power = image.is_some_and(|image| image.sum == ImageSum::Power);
         let detects = matches!(job_settings.request, Request::Detections(_));
         match self {
             Self::Abort => Some(Self::Configure),
@@ -92,11 +98,10 @@ impl Setting {
             Self::Patch(n) if patch(n + 1) => Some(Self::Patch(n + 1)),
             Self::Patch(_) if chip(0) => Some(Self::Chip(0)),
             Self::Chip(n) if chip(n + 1) => Some(Self::Chip(n + 1)),
+            Self::Chip(_) if power => Some(Self::Power),
             Self::Patch(_) if detects => Some(Self::Detect),
-            Self::Configure | Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Detect => {
-                Some(Self::Ready)
-            }
             Self::Ready => None,
+            _ => Some(Self::Ready),
         }
     }
 
@@ -129,8 +134,9 @@ impl Setting {
                 count: job_settings.patches.len() as u16,
                 patch: job_settings.patches[n],
             },
+            Self::Power => Command::Power,
             Self::Chip(_) | Self::Detect | Self::Ready => match (self, job_settings.request) {
-                (Self::Chip(n), Request::Image(chips)) => Command::Chip(chips[n]),
+                (Self::Chip(n), Request::Image(image)) => Command::Chip(image.chips[n]),
                 (Self::Detect, Request::Detections(cfar)) => Command::Detect(cfar),
                 _ => Command::Status,
             },
@@ -144,7 +150,7 @@ impl Setting {
             Self::Configure => Ok(status.configuration == id),
             _ if status.configuration != id => Err(LinkError::Restarted),
             Self::Ready => Ok(status.state == ModuleState::Ready),
-            Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Detect => Ok(true),
+            _ => Ok(true),
         }
     }
 

@@ -9,7 +9,9 @@ use subaperture::io::product::Antennas;
 use subaperture::io::product::record::{self, Brightest};
 use subaperture::io::written::WrittenFile;
 use subaperture::module::accumulated::{Unsuited, assemble, by_host_core, chips};
-use subaperture::module::link::{self, AccumulatedImage, HostCore, Identity, Job, Outcome};
+use subaperture::module::link::{
+    self, AccumulatedImage, HostCore, Identity, ImageRequest, ImageSum, Job, Outcome,
+};
 use subaperture::plot::{Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
@@ -41,6 +43,15 @@ impl<'w> Work<'w> {
         Ok(chips(self.plan, self.grid))
     }
 
+    /// Request for the image of these chips.
+    pub(super) fn image<'c>(&self, chips: &'c [ChipGrid]) -> ImageRequest<'c> {
+        let sum = match self.typed.power {
+            true => ImageSum::Power,
+            false => ImageSum::Coherent,
+        };
+        ImageRequest { chips, sum }
+    }
+
     /// Let the module accumulate the image, and write it as a folder.
     pub(super) fn accumulate(
         &self,
@@ -53,7 +64,7 @@ impl<'w> Work<'w> {
         let chips = self.chips(module.identity())?;
         // From here on, an interruption keeps the image of the sub-CPIs accumulated so far.
         let _keeping = interrupt::Keeping::begin();
-        let (outcome, received) = module.accumulate(job, &chips, watch);
+        let (outcome, received) = module.accumulate(job, self.image(&chips), watch);
         watch.bar.finish();
         let (mut content, mut compared, mut files) = (None, None, Vec::new());
         if !received.sub_cpis.is_empty() && received.chips.iter().all(Option::is_some) {
@@ -88,7 +99,7 @@ impl<'w> Work<'w> {
     /// Check that the image is bit-identical to that of the core on this computer.
     fn verify(&self, chips: &[ChipGrid], received: &AccumulatedImage) -> anyhow::Result<()> {
         let mut core = HostCore::new(self.job()?)?;
-        let expected = by_host_core(&mut core, chips, &received.sub_cpis)?;
+        let expected = by_host_core(&mut core, self.image(chips), &received.sub_cpis)?;
         if expected == *received {
             return Ok(());
         }
@@ -124,7 +135,8 @@ impl<'w> Work<'w> {
             ..
         } = *self;
         let collection = history.collection();
-        let image = assemble(plan, grid, received, job.pulses.amplitude_scale());
+        let sum = self.image(&[]).sum;
+        let image = assemble(plan, grid, received, sum, job.pulses.amplitude_scale());
         let missing: Vec<u32> = (0..plan.num_sub_cpis as u32)
             .filter(|sub_cpi| !received.sub_cpis.contains(sub_cpi))
             .collect();
@@ -151,6 +163,7 @@ impl<'w> Work<'w> {
                     "patches": plan.patches.len(),
                     "predicted_error_db": plan.predicted_db,
                     "front_end": typed.front_end,
+                    "power": typed.power,
                     "amplitude_scale": job.pulses.amplitude_scale(),
                     "link": outcome.counts.to_json(),
                     "verified": verified_record(compared),

@@ -139,7 +139,7 @@ impl<'w> Work<'w> {
             ModuleProduct::Detections => Request::Detections(self.cfar()),
             ModuleProduct::Image => {
                 chips = self.chips(module.identity())?;
-                Request::Image(&chips)
+                Request::Image(self.image(&chips))
             }
         };
         let time = link::rehearse(module, job, self.history, request, watch)?;
