@@ -108,6 +108,16 @@ fn profiles_of_a_capture_equal_those_of_the_host() {
     );
     let ratio = report["down_up_ratio"].as_f64().unwrap();
     assert!(ratio < 0.01, "{ratio}");
+    let plan = run(at, "plan module walk.sigmf-meta --ram 512K --json");
+    let plan: Value = serde_json::from_str(plan.succeeded()).unwrap();
+    let planned = &plan["products"][0];
+    assert_eq!(planned["product"], "profiles");
+    // 32 values of 8 bytes, of 16 carriers with 8 bytes a sample.
+    let samples = plan["setup"]["samples"].as_f64().unwrap();
+    let expected = 32.0 / (16.0 * samples);
+    assert_eq!(planned["down_up_ratio"][1].as_f64(), Some(expected));
+    let text = run(at, "plan module walk.sigmf-meta --ram 512K");
+    assert!(text.succeeded().contains("--send profiles"), "{text:?}");
 
     let image = npy::read(&at.join("profiles/profiles.npy")).unwrap();
     assert_eq!((image.rows, image.columns), (2, 32));

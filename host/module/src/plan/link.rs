@@ -1,11 +1,12 @@
 //! Link load of one sub-CPI: pulses to the module, maps from it; and of the whole recording with each product, increments
-//! included.
+//! and range profiles included.
 //!
 //! A byte takes ten bits: a start bit, eight data bits, a stop bit (8N1), in both directions at once. Only the content of the
 //! messages is counted, not framing, settings and repetitions.
 
 use subaperture_core::link::{DETECTION_BYTES, Encoding};
 use subaperture_core::stream::BlockFloat;
+use subaperture_core::sweep;
 
 use subaperture_model::phase_history::Channels;
 
@@ -35,6 +36,9 @@ const CHANNEL_BYTES: u64 = 4 + 2 + 8;
 
 /// Bytes of an increment: two pulse numbers, counts of targets and echoes, motion.
 const INCREMENT_BYTES: u64 = 2 * 4 + 2 * 2 + 1 + 24 + 4 + 2 * 2;
+
+/// Bytes of a sample of both channels of a stepped-frequency radar.
+const PAIR_BYTES: u64 = 8;
 
 /// Load of a product of the whole recording on the link.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -81,6 +85,14 @@ impl ProductLoad {
         let pulses = channels.num_pulses() as u64;
         let up_bytes = channels.len() as u64 * (CHANNEL_BYTES + channel_bytes as u64) * pulses;
         Self::new("increments", up_bytes, [INCREMENT_BYTES * pulses; 2], baud)
+    }
+
+    /// Load of the range profiles of this many sweeps of a stepped-frequency radar, with two channels of 16-bit samples.
+    pub fn of_profiles(setup: &sweep::Setup, sweeps: u64, baud: u32) -> Self {
+        let samples = u64::from(setup.carriers) * u64::from(setup.samples);
+        let profile_bytes = Encoding::Complex32.sample_bytes() as u64 * u64::from(setup.bins);
+        let up_bytes = PAIR_BYTES * samples * sweeps;
+        Self::new("profiles", up_bytes, [profile_bytes * sweeps; 2], baud)
     }
 
     fn new(product: &'static str, up_bytes: u64, down_bytes: [u64; 2], baud: u32) -> Self {

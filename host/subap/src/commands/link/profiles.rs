@@ -104,7 +104,7 @@ impl<'a> Capture<'a> {
 
 /// First step of each sweep and the end of the last. The last sweep of a capture that was killed or is still running may be incomplete and
 /// is left out.
-fn firsts(recording: &Recording) -> Vec<usize> {
+pub(crate) fn firsts(recording: &Recording) -> Vec<usize> {
     let steps = recording.steps();
     let is_first = |&n: &usize| n == 0 || steps[n].sweep != steps[n - 1].sweep;
     let end = (!recording.interrupted()).then_some(steps.len());
@@ -388,7 +388,7 @@ fn rows<'p>(
 }
 
 /// Settings of the module's profiler for a capture: two bins or more per resolution cell.
-fn for_module(setup: &Setup) -> anyhow::Result<sweep::Setup> {
+pub(crate) fn for_module(setup: &Setup) -> anyhow::Result<sweep::Setup> {
     if setup.reference != Reference::Loopback {
         bail!(
             "the capture uses the {} as the reference; a module divides the echo by that of the loopback cable: use subap \

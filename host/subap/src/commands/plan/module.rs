@@ -1,4 +1,6 @@
-//! `subap plan module`: resources that the embedded module needs for the maps of a scene.
+//! `subap plan module`: resources that the embedded module needs for the maps of a scene, or for the range profiles of a capture.
+
+use std::path::Path;
 
 use anyhow::Context;
 use serde_json::json;
@@ -8,14 +10,21 @@ use subaperture::module::plan::{
     LinkBudget, ModuleCapacity, ModulePlan, ModuleProduct, ProductLoad, Requirements,
 };
 use subaperture::phase_history::PhaseHistory;
+use subaperture::radio::sigmf::Recording;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::PlanModule;
+use crate::commands::link::profiles::{firsts, for_module};
 use crate::config::{Session, module_error_db};
 use crate::text::{self, Fact, bytes, metres};
 
 /// Print the plan of the embedded module.
 pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
+    if let [capture] = &typed.input.files[..]
+        && capture.extension().is_some_and(|name| name == "sigmf-meta")
+    {
+        return profiles(session, typed, capture);
+    }
     typed.input.refuse_several("a module")?;
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
@@ -71,6 +80,57 @@ fn increments(session: &Session, typed: &PlanModule) -> Option<ProductLoad> {
     };
     let channels = open_channels::<String>(input, None, &options).ok()?;
     (channels.len() > 1).then(|| ProductLoad::of_increments(&channels, typed.link))
+}
+
+/// Print the load of the range profiles of a capture of a stepped-frequency radar.
+fn profiles(session: &Session, typed: &PlanModule, capture: &Path) -> anyhow::Result<()> {
+    let recording = Recording::open_within(capture, session.memory_bytes / 2)?;
+    let setup = for_module(recording.setup())?;
+    let sweeps = firsts(&recording).len().saturating_sub(1);
+    let load = ProductLoad::of_profiles(&setup, sweeps as u64, typed.link);
+    if session.json() {
+        let plan = json!({
+            "sweeps": sweeps,
+            "setup": setup,
+            "products": [load],
+            "recommended": "profiles",
+        });
+        return text::say_json("module-plan", plan);
+    }
+    let facts = [
+        (
+            "sweeps",
+            format!(
+                "{sweeps} of {} carriers, {} samples each; profiles of {} values",
+                setup.carriers, setup.samples, setup.bins
+            ),
+        ),
+        load_fact(&load, typed.link),
+        ("recommended", "--send profiles".to_owned()),
+    ];
+    text::say(text::facts(&facts).join("\n"))?;
+    Ok(())
+}
+
+/// Line about the traffic of a whole recording with a product.
+fn load_fact(load: &ProductLoad, baud: u32) -> Fact {
+    let [least, most] = load.down_bytes.map(|count| bytes(count.into()));
+    let ratios = load.down_up_ratio;
+    let [least_ratio, most_ratio] = ratios.map(|ratio| text::significant(ratio, 2));
+    let (down, ratio) = match least == most {
+        true => (most, most_ratio),
+        false => (
+            format!("{least} to {most}"),
+            format!("{least_ratio} to {most_ratio}"),
+        ),
+    };
+    let time_s = load.transfer_s;
+    (
+        load.product,
+        format!(
+            "{down} down for the whole recording, {ratio} of the bytes up; {time_s:.3} s at {baud} baud"
+        ),
+    )
 }
 
 /// Text about gaps in the track, if there are any.
@@ -239,29 +299,8 @@ impl Sheet<'_> {
 
     /// Traffic of the whole recording with each product.
     fn product_facts(&self) -> Vec<Fact> {
-        let mut facts: Vec<Fact> = self
-            .loads()
-            .map(|load| {
-                let [least, most] = load.down_bytes.map(|count| bytes(count.into()));
-                let [least_ratio, most_ratio] = load
-                    .down_up_ratio
-                    .map(|ratio| text::significant(ratio, 2));
-                let (down, ratio) = match least == most {
-                    true => (most, most_ratio),
-                    false => (
-                        format!("{least} to {most}"),
-                        format!("{least_ratio} to {most_ratio}"),
-                    ),
-                };
-                (
-                    load.product,
-                    format!(
-                        "{down} down for the whole recording, {ratio} of the bytes up; {:.3} s at {} baud",
-                        load.transfer_s, self.link.baud
-                    ),
-                )
-            })
-            .collect();
+        let baud = self.link.baud;
+        let mut facts: Vec<Fact> = self.loads().map(|load| load_fact(load, baud)).collect();
         let recommended = self.recommended();
         facts.push((
             "recommended",
