@@ -457,19 +457,20 @@ were not counted. `subap plan module --ram` plans buffers for any other size.
 *Range transforms.* microfft (float32), `fixed_point::fft` (integers): one of `R` points per map row. Under the same
 counter, 1024 and 128 points take 112 and 11.8 thousand instructions with `arm_cfft_q31` of CMSIS-DSP (commit ec1bb752,
 GCC 12.2, `-O3`), 59.8 and 6.9 thousand with `arm_cfft_q15`. Those scale every stage by a fixed factor, and `arm_cfft_q31` keeps
-the upper halves of products; `fixed_point::fft` scales a stage only if it must, and rounds 64-bit sums.
+the upper halves of products without rounding; `fixed_point::fft` rounds them, and scales a stage only if it must, which takes
+the magnitude of every part. It takes 1.4 times as many instructions as `arm_cfft_q31` with 128 points, 1.6 times with 1024.
 
 *Keystone* folds pulses `u` and `-u` and processes the bins `d` and `-d` together, so its unit is a pair of
 pulses at a pair of bins. In float32 a unit takes 4 products and 4 sums for the bins, 4 products and
 2 sums to rotate the phasor, and 4 loads: 18 instructions, without fused multiply-add. In fixed point it
-takes 8 multiplications of 32 to 64 bits, 2 double loads, and 4 instructions to round each of the
-phasor's two parts: 18. The rest is loop control, the first phasors of a bin (one, in fixed point one for
+takes 4 multiplications of 32 to 64 bits, 4 of which the rounded upper halves are used, 2 double loads, and a shift of each of
+the phasor's two parts: 12. The rest is loop control, the first phasors of a bin (one, in fixed point one for
 even bins, otherwise two) and stores; in fixed point also scaling and narrowing of every bin.
 
 Four 64-bit sums do not fit in registers together with phasor and step. The fixed-point transform therefore
-takes three steps for every eight pairs: phasors into memory (13 instructions per unit), even sums (5) and odd
-sums (5). 23 instructions per unit and some 240 per pair of bins give 53 for 8 pairs of pulses, 38 for 16 and
-31 for 31.
+takes three steps for every eight pairs: phasors into memory (9 instructions per unit), even sums (5) and odd
+sums (5). 19 instructions per unit and some 250 per pair of bins give 50 for 8 pairs of pulses, 35 for 16 and
+27 for 31.
 
 *Remaining cost* of a map: compensation (a rotation and a product per sample, a directly computed phasor
 every 16 frequencies), filling and reading the range transform buffer, and initially two float64 square

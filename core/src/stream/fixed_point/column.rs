@@ -76,8 +76,8 @@ impl PulsePhase {
 }
 
 /// Number of frequencies from one directly computed phasor to the next. In between, each rotation adds an error of at
-/// most 4 units of `2^-30` per part: 2 from each part of the rotation, plus its own rounding. After 15
-/// rotations the total error, that of the first phasor included, is below 64 units, which is `2^-24`.
+/// most 8 units of `2^-30` per part: 2 from each part of the rotation, and 4 from its own rounding. After 15
+/// rotations the total error, that of the first phasor included, is below 128 units, which is `2^-23`.
 const ANCHOR: usize = 16;
 
 /// Guard bits `g`: the smallest with `num_pulses 2^-g < 4`.
@@ -230,7 +230,7 @@ type Block = [[Complex<i32>; 2]; BLOCK];
 /// Number of pulse pairs in a block.
 const BLOCK: usize = 8;
 
-/// Number of blocks between directly computed phasors, 64 pairs. Bounds the rounding error to `2^-24` of a run for any
+/// Number of blocks between directly computed phasors, 64 pairs. Bounds the rounding error to `2^-21` of a run for any
 /// number of pulses.
 const RUN: usize = 8;
 

@@ -110,16 +110,26 @@ fn upper(x: i64) -> i32 {
     (x >> 32) as i32
 }
 
-/// Rotate `value` by a phasor, rounded to nearest. Parts of `value` must be at most `2^30.4`, so that the result
-/// stays below `2^31`.
+/// Rotate `value` by a phasor, with an error of at most 4 units per part. Parts of `value` must be at most `2^30.4`, so that the
+/// result stays below `2^31`.
 #[inline]
 pub(super) fn rotated(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
-    let wide = |x: i32, y: i32| i64::from(x) * i64::from(y);
-    let narrow = |x: i64| ((x + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS) as i32;
+    let quarter = rotated_quarter(value, phasor);
+    Complex::new(quarter.re << 2, quarter.im << 2)
+}
+
+/// A quarter of `value` rotated by a phasor; each of the two products of a part is rounded. Parts of `value` must be at most
+/// `2^31`. Cortex-M4 and M7 have an instruction for a product with its rounding and sum.
+#[inline]
+pub(super) fn rotated_quarter(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
+    let product = |x: i32, y: i32| i64::from(x) * i64::from(y);
+    let first = |x: i32, y: i32| upper(product(x, y) + (1 << 31));
+    let wide = |x: i32| i64::from(x) << 32;
+    let (a, b) = (first(value.re, phasor.re), first(value.re, phasor.im));
     Complex::new(
-        // A sum, for processors that multiply and add in one instruction.
-        narrow(wide(value.re, phasor.re) + wide(value.im, -phasor.im)),
-        narrow(wide(value.re, phasor.im) + wide(value.im, phasor.re)),
+        // A sum: the compiler merges the carry of a difference with later sums.
+        upper(wide(a) + product(value.im, -phasor.im) + (1 << 31)),
+        upper(wide(b) + product(value.im, phasor.re) + (1 << 31)),
     )
 }
 
