@@ -4,20 +4,34 @@
 mod an500;
 #[cfg(feature = "board-an500")]
 mod cmsdk;
+#[cfg(feature = "ethernet")]
+mod ethernet;
 #[cfg(feature = "board-h743")]
 mod h743;
 mod interface;
+#[cfg(feature = "ethernet")]
+mod lan9118;
 #[cfg(all(not(defmt_log), feature = "board-microbit"))]
 mod semihosting;
+#[cfg(all(feature = "board-an500", not(feature = "ethernet")))]
+mod serial;
 #[cfg(feature = "board-an500")]
+#[cfg_attr(
+    feature = "ethernet",
+    allow(dead_code, reason = "UART0 is not used, and the log only sends")
+)]
 mod uart;
 mod unowned;
 
 #[cfg(feature = "board-an500")]
-pub use an500::{An500, An500 as Current, UartError};
+pub use an500::{An500, An500 as Current};
+#[cfg(feature = "ethernet")]
+pub use ethernet::{PORT, TcpError, TcpLink};
 #[cfg(feature = "board-h743")]
 pub use h743::{H743, H743 as Current, SerialLink};
 pub use interface::Board;
+#[cfg(all(feature = "board-an500", not(feature = "ethernet")))]
+pub use serial::UartError;
 pub use unowned::{end, log, log_event, reset};
 
 #[cfg(not(any(
@@ -32,5 +46,11 @@ compile_error!("no board selected: add --features board-an500, board-h743 or boa
     all(feature = "board-h743", feature = "board-microbit")
 ))]
 compile_error!("several boards selected: add --no-default-features to --features board-...");
+#[cfg(all(feature = "ethernet", not(feature = "board-an500")))]
+compile_error!("ethernet needs the controller of the AN500: add --features board-an500");
+#[cfg(all(feature = "ethernet", feature = "no-panic"))]
+compile_error!(
+    "ethernet excludes no-panic: smoltcp indexes and unwraps where the linker cannot rule out a panic"
+);
 
 // The micro:bit represents devices without atomic exchange and floating point: it has a log but no `Board`.
