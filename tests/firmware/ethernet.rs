@@ -6,12 +6,16 @@ use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::time::Instant;
 
-use subaperture::module::link::{Buffers, ModuleAddress, Session};
+use subaperture::module::link::{
+    Buffers, ModuleAddress, ProfileRun, Session, SweepBurst, SweepSource,
+};
 use subaperture::monitor::Silent;
+use subaperture::phase_history::ReadError;
 use subaperture_core::link::Encoding;
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::firmware::{Build, TIME_LIMIT, build};
 use subaperture_tests::link_scene::{CHIPS, MAPS, image_scene, job, judge_image, recorded};
+use subaperture_tests::sweep_scene::SweepScene;
 
 use crate::emulated::{Begin, Emulated, Wire};
 use crate::sessions::{complete, session, settings};
@@ -79,6 +83,55 @@ fn run_recovers_from_a_reset_of_the_module() {
     assert_eq!(kept.len(), MAPS);
     let counts = &outcome.counts;
     assert!(counts.restarts + counts.reconnects >= 1, "{outcome:?}");
+}
+
+/// Bursts of a scene, computed before the run, so that the run takes the time of module and link.
+struct Computed(Vec<Vec<SweepBurst>>);
+
+impl SweepSource for Computed {
+    fn has(&mut self, sweep: u32) -> Result<bool, ReadError> {
+        Ok((sweep as usize) < self.0.len())
+    }
+
+    fn burst(
+        &mut self,
+        sweep: u32,
+        index: usize,
+        burst: &mut SweepBurst,
+    ) -> Result<bool, ReadError> {
+        let own = self.0[sweep as usize].get(index);
+        if let Some(own) = own {
+            burst.clone_from(own);
+        }
+        Ok(own.is_some())
+    }
+}
+
+/// Four sweeps of 64 carriers have as many bytes as one of 256.
+#[test]
+fn profiles_over_ethernet_equal_those_of_core() {
+    let mut scene = SweepScene::new(64, 512, 128);
+    scene.sweeps = 4;
+    let mut module = module(Faults::default());
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut module, &mut buffers, settings(0), &mut Silent).unwrap();
+    let weights = scene.weights();
+    let mut source = Computed((0..4).map(|sweep| scene.bursts(sweep)).collect());
+    let mut run = ProfileRun {
+        setup: scene.setup,
+        weights: &weights,
+        source: &mut source,
+    };
+    let mut profiles = Vec::new();
+    let outcome = session.profiles(&mut run, &mut |profile| profiles.push(profile), &mut Silent);
+    outcome.ending.unwrap();
+    println!("{}", session.counts());
+    assert_eq!(profiles.len(), 4);
+    for profile in &profiles {
+        let (values, usable, _) = scene.profile(profile.sweep);
+        assert_eq!((profile.usable, profile.missing), (usable, 0));
+        assert_eq!(profile.values, values);
+    }
 }
 
 /// The module's echo of a TCP stream.

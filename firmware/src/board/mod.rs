@@ -22,17 +22,25 @@ mod serial;
 )]
 mod uart;
 mod unowned;
+#[cfg(all(feature = "board-h743", not(feature = "usb")))]
+mod usart;
+#[cfg(all(feature = "board-h743", feature = "usb"))]
+mod usb;
 
 #[cfg(feature = "board-an500")]
 pub use an500::{An500, An500 as Current};
 #[cfg(feature = "ethernet")]
 pub use ethernet::{PORT, TcpError, TcpLink};
 #[cfg(feature = "board-h743")]
-pub use h743::{H743, H743 as Current, SerialLink};
+pub use h743::{H743, H743 as Current};
 pub use interface::Board;
 #[cfg(all(feature = "board-an500", not(feature = "ethernet")))]
 pub use serial::UartError;
 pub use unowned::{end, log, log_event, reset};
+#[cfg(all(feature = "board-h743", not(feature = "usb")))]
+pub use usart::{BAUD, SerialLink};
+#[cfg(all(feature = "board-h743", feature = "usb"))]
+pub use usb::UsbLink;
 
 #[cfg(not(any(
     feature = "board-an500",
@@ -51,6 +59,17 @@ compile_error!("ethernet needs the controller of the AN500: add --features board
 #[cfg(all(feature = "ethernet", feature = "no-panic"))]
 compile_error!(
     "ethernet excludes no-panic: smoltcp indexes and unwraps where the linker cannot rule out a panic"
+);
+#[cfg(all(
+    any(feature = "usb", feature = "serial-12m"),
+    not(feature = "board-h743")
+))]
+compile_error!("usb and serial-12m need the STM32H743: add --features board-h743");
+#[cfg(all(feature = "usb", feature = "serial-12m"))]
+compile_error!("several links selected: choose one of usb and serial-12m, or neither");
+#[cfg(all(feature = "usb", feature = "no-panic"))]
+compile_error!(
+    "usb excludes no-panic: usb-device and its driver index and assert where the linker cannot rule out a panic"
 );
 
 // The micro:bit represents devices without atomic exchange and floating point: it has a log but no `Board`.

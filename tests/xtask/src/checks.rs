@@ -19,12 +19,12 @@ const CLIPPY: [(&str, &str); 4] = [
         "board-an500,fixed,size-small,ethernet",
     ),
     (
-        "clippy, firmware, STM32H743, large",
-        "board-h743,size-large",
+        "clippy, firmware, STM32H743, large, USB",
+        "board-h743,size-large,usb",
     ),
     (
-        "clippy, firmware, STM32H743, fixed, no log",
-        "board-h743,fixed,no-log",
+        "clippy, firmware, STM32H743, fixed, no log, 12 Mbaud",
+        "board-h743,fixed,no-log,serial-12m",
     ),
 ];
 
