@@ -1,21 +1,12 @@
-//! ARM CMSDK peripherals (DDI 0479) of the AN500: registers, interrupt numbers, and the log on UART1.
+//! ARM CMSDK peripherals (DDI 0479) of the AN500: registers, and the log on UART1.
 
 #[cfg(not(defmt_log))]
 use super::uart;
 
 pub(super) const CLOCK_HZ: u32 = 25_000_000;
+// With both features no UART is used.
+#[cfg(not(all(feature = "ethernet", defmt_log)))]
 pub(super) const BAUD: u32 = 921_600;
-
-/// Interrupt of a peripheral.
-#[derive(Clone, Copy)]
-pub(super) struct Interrupt(pub(super) u16);
-
-// SAFETY: the numbers are those of the AN500 interrupt table and never change.
-unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
 
 /// Registers and bits of a timer.
 pub(super) mod timer {

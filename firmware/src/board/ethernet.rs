@@ -26,7 +26,8 @@ use smoltcp::wire::{
 };
 use static_cell::ConstStaticCell;
 
-use super::cmsdk::{CLOCK_HZ, Interrupt, Registers, timer};
+use super::cmsdk::{CLOCK_HZ, Registers, timer};
+use super::interrupt::Interrupt;
 use super::lan9118::{Frames, Lan9118};
 
 /// Address in QEMU's user network, whose host is 10.0.2.2.

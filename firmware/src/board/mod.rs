@@ -9,6 +9,8 @@ mod ethernet;
 #[cfg(feature = "board-h743")]
 mod h743;
 mod interface;
+#[cfg(feature = "board-an500")]
+mod interrupt;
 #[cfg(feature = "ethernet")]
 mod lan9118;
 #[cfg(all(not(defmt_log), feature = "board-microbit"))]

@@ -1,6 +1,6 @@
 //! Interrupts of UART0, registers and bits of a CMSDK UART.
 
-use super::cmsdk::Interrupt;
+use super::interrupt::Interrupt;
 
 pub(super) const RX: Interrupt = Interrupt(0);
 pub(super) const TX: Interrupt = Interrupt(1);

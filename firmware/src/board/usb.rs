@@ -32,11 +32,10 @@ use usb_device::{LangID, UsbError};
 use usbd_serial::embedded_io as port_traits;
 use usbd_serial::{SerialPort, USB_CLASS_CDC};
 
-use super::h743::H743;
-use super::interface::Board;
-
 /// Test numbers of pid.codes.
 const NUMBERS: UsbVidPid = UsbVidPid(0x1209, 0x0001);
+/// Clock of the buses, half of the processor's.
+const AHB_HZ: u32 = 200_000_000;
 /// Memory of the driver for received packets, in words: those of endpoint 0 and of the port.
 const PACKET_WORDS: usize = 32;
 
@@ -84,8 +83,7 @@ unsafe impl UsbPeripheral for Otg {
     }
 
     fn ahb_frequency_hz(&self) -> u32 {
-        // The buses run at half of the processor's clock.
-        H743::TICKS_HZ / 2
+        AHB_HZ
     }
 }
 
