@@ -43,12 +43,13 @@ impl Board for An500 {
         if TAKEN.swap(true, Ordering::Relaxed) {
             return None;
         }
+        let link = Link::start()?;
         let timer = Registers(0x4000_0000);
         timer.write(timer::RELOAD, u32::MAX);
         timer.write(timer::VALUE, u32::MAX);
         timer.write(timer::CTRL, timer::ENABLE);
         Some(Self {
-            link: Link::start()?,
+            link,
             light: Light(Registers(0x4002_8000)),
             timer,
             watchdog: Registers(0x4000_8000),

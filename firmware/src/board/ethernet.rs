@@ -108,14 +108,13 @@ impl embedded_io::Error for TcpError {
 }
 
 impl TcpLink {
-    /// Start the controller and listen. `None` if there is no controller or the buffers were taken before. Timer 0 must run.
+    /// Start the controller and listen. `None` if there is no controller or the buffers were taken before.
     pub(super) fn start() -> Option<Self> {
         let mut device = Lan9118::start(Registers(0xa000_0000), FRAMES.try_take()?)?;
         let mut clock = Clock::new();
         let address = device.address();
-        let mut config = Config::new(address.into());
-        // Initial sequence numbers need not be secret, but differ between starts.
-        config.random_seed = clock.ticks;
+        // There is no source of randomness: initial sequence numbers are predictable.
+        let config = Config::new(address.into());
         let mut interface = Interface::new(config, &mut device, clock.now());
         interface.update_ip_addrs(|addresses| {
             // There is room for two.
@@ -346,7 +345,7 @@ fn announce(device: &mut Lan9118, address: EthernetAddress) {
 
 const TICKS_A_MICROSECOND: u64 = CLOCK_HZ as u64 / 1_000_000;
 
-/// Time since the start, from timer 0, which wraps after 171 s.
+/// Time from timer 0, which wraps after 171 s. It may stand still at first.
 #[derive(Debug)]
 struct Clock {
     timer: Registers,
@@ -358,11 +357,8 @@ impl Clock {
     fn new() -> Self {
         let timer = Registers(0x4000_0000);
         let last = !timer.read(timer::VALUE);
-        Self {
-            timer,
-            last,
-            ticks: last.into(),
-        }
+        let ticks = 0;
+        Self { timer, last, ticks }
     }
 
     fn now(&mut self) -> Instant {
