@@ -10,7 +10,7 @@
 //! | [`products`] | detections and image chips |
 //! | [`sizes`] | buffer sizes of the application |
 //! | `serve` | main loop of the application |
-//! | `board` | trait `Board` and the two boards that implement it |
+//! | `board` | trait `Board`, the two boards that implement it, and their links: serial, Ethernet, USB |
 //! | `memory` | placement of statics; stack high-water mark |
 //! | `fault` | panic and exception handlers: log, count, reset |
 //! | `module` | static buffers and the endpoint that uses them |

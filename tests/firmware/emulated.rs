@@ -32,6 +32,8 @@ pub(crate) enum Wire {
     Tcp,
     /// A pseudo-terminal: a serial device that buffers some 12 kB.
     Terminal,
+    /// A TCP port that the emulator forwards to the module's own one, over its Ethernet controller.
+    Ethernet,
 }
 
 /// Restart of the module.
@@ -90,8 +92,13 @@ impl Running {
         let serial = match wire {
             Wire::Tcp => format!("tcp:127.0.0.1:{port},server=on,wait=off,nodelay=on"),
             Wire::Terminal => "pty".to_owned(),
+            Wire::Ethernet => "null".to_owned(),
         };
-        let options = ["-monitor", &monitor, "-serial", &serial];
+        let network = match wire {
+            Wire::Ethernet => firmware::forward_port(port),
+            Wire::Tcp | Wire::Terminal => "none".to_owned(),
+        };
+        let options = ["-monitor", &monitor, "-serial", &serial, "-nic", &network];
         let mut process = Process(firmware::emulator(elf, &options));
         let started = Instant::now();
         let stream = loop {

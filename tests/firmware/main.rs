@@ -6,6 +6,7 @@ mod cli_link_image;
 mod cli_products;
 mod detections;
 mod emulated;
+mod ethernet;
 mod events;
 mod front_end;
 mod golden;

@@ -21,7 +21,7 @@ use subaperture_tests::link_scene::{
     scene,
 };
 
-fn settings(retries: u32) -> Settings {
+pub(crate) fn settings(retries: u32) -> Settings {
     Settings {
         answer: Duration::from_millis(200),
         idle: Duration::from_secs(5),
@@ -37,7 +37,7 @@ fn module(wire: Wire, begin: Begin, faults: Faults) -> FaultyLine<Emulated> {
 }
 
 /// Run the scene on the module; asserts that every accepted map is correct and every loss counted.
-fn session(module: &mut dyn Transport, settings: Settings) -> (Outcome, Kept) {
+pub(crate) fn session(module: &mut dyn Transport, settings: Settings) -> (Outcome, Kept) {
     let scene = scene();
     let recording = recorded(&scene);
     let mut work = job(&scene, &recording, Encoding::Complex32);
@@ -79,7 +79,7 @@ fn account(outcome: &Outcome, kept: &Kept) {
 }
 
 #[track_caller]
-fn complete(outcome: &Outcome) {
+pub(crate) fn complete(outcome: &Outcome) {
     assert!(
         matches!(outcome.ending, TransferEnd::Complete),
         "{outcome:?}"

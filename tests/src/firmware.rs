@@ -17,6 +17,12 @@ pub const TIME_LIMIT: Duration = Duration::from_secs(60);
 /// Options of the emulator that tie its time to instructions.
 pub const INSTRUCTION_TIME: [&str; 2] = ["-icount", "shift=5"];
 
+/// Network of an emulated module: the module can reach no other address, and TCP port `port` of this machine is forwarded to
+/// the port of its link. An option of the emulator's `-nic`.
+pub fn forward_port(port: u16) -> String {
+    format!("user,model=lan9118,restrict=on,hostfwd=tcp:127.0.0.1:{port}-:4000")
+}
+
 /// Start an ELF under emulation. Its log, on the second UART, is the emulator's standard output. Semihosting is on, so that test programs
 /// can end the emulator.
 ///

@@ -463,8 +463,8 @@ the magnitude of every part. It takes 1.4 times as many instructions as `arm_cff
 *Keystone* folds pulses `u` and `-u` and processes the bins `d` and `-d` together, so its unit is a pair of
 pulses at a pair of bins. In float32 a unit takes 4 products and 4 sums for the bins, 4 products and
 2 sums to rotate the phasor, and 4 loads: 18 instructions, without fused multiply-add. In fixed point it
-takes 4 multiplications of 32 to 64 bits, 4 of which the rounded upper halves are used, 2 double loads, and a shift of each of
-the phasor's two parts: 12. The rest is loop control, the first phasors of a bin (one, in fixed point one for
+takes 4 products with 64-bit sums for the bins, 4 products with rounded 32-bit sums and 2 shifts to rotate the phasor, and
+2 double loads: 12. The rest is loop control, the first phasors of a bin (one, in fixed point one for
 even bins, otherwise two) and stores; in fixed point also scaling and narrowing of every bin.
 
 Four 64-bit sums do not fit in registers together with phasor and step. The fixed-point transform therefore

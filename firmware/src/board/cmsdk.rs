@@ -1,10 +1,24 @@
-//! ARM CMSDK peripherals (DDI 0479) of the AN500: their registers, and the log on UART1.
+//! ARM CMSDK peripherals (DDI 0479) of the AN500: registers, and the log on UART1.
 
 #[cfg(not(defmt_log))]
 use super::uart;
 
 pub(super) const CLOCK_HZ: u32 = 25_000_000;
+// With both features no UART is used.
+#[cfg(not(all(feature = "ethernet", defmt_log)))]
 pub(super) const BAUD: u32 = 921_600;
+
+/// Registers and bits of a timer.
+pub(super) mod timer {
+    pub(in crate::board) const CTRL: usize = 0x0;
+    pub(in crate::board) const VALUE: usize = 0x4;
+    pub(in crate::board) const RELOAD: usize = 0x8;
+    pub(in crate::board) const ENABLE: u32 = 1 << 0;
+    #[cfg(feature = "ethernet")]
+    pub(in crate::board) const INTCLEAR: usize = 0xc;
+    #[cfg(feature = "ethernet")]
+    pub(in crate::board) const INTERRUPT: u32 = 1 << 3;
+}
 
 /// Write a line of log to UART1.
 #[cfg(not(defmt_log))]
@@ -38,8 +52,8 @@ pub(super) struct Registers(pub(super) usize);
 
 impl Registers {
     pub(super) fn read(&self, offset: usize) -> u32 {
-        // SAFETY: only `An500::take` and `line` create these, from peripheral addresses; `offset` is one of the constants
-        // of `uart` and `an500`, aligned and within the peripheral.
+        // SAFETY: only the files of this board create these, from peripheral addresses; `offset` is one of their constants,
+        // aligned and within the peripheral.
         unsafe { ((self.0 + offset) as *const u32).read_volatile() }
     }
 

@@ -1,24 +1,17 @@
 //! ST Nucleo-H743ZI2 with an STM32H743ZI at 400 MHz. Compiled and measured for size; not yet run on the board.
 //!
-//! Serial link: USART3 on pins PD8 (TX) and PD9 (RX), which the board's debugger presents to the computer as a serial port;
-//! 921 600 baud, 8 data bits, no parity. One interrupt per byte moves bytes between the USART and two ring buffers, so
-//! nothing is lost while the program computes: the receive buffer holds 89 ms of the link at full speed. A full buffer drops
-//! incoming bytes; the protocol detects it.
+//! Link: USART3 (`usart.rs`), or USB with the feature `usb` (`usb.rs`).
 //!
 //! Clocks: the internal 64 MHz oscillator and a PLL (64 / 4 * 50 / 2) give 400 MHz, half of it for the buses. Every revision
 //! of the part supports this at voltage scale 1.
 
-use core::future::Future;
 #[cfg(feature = "spi-front-end")]
 use core::num::NonZeroU16;
-use core::pin::pin;
-use core::task::{Context, Poll, Waker};
 
 use embassy_stm32::gpio::{Level, Output, Speed};
-use embassy_stm32::peripherals::{IWDG1, USART3};
-use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::peripherals::IWDG1;
+use embassy_stm32::rcc;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{bind_interrupts, rcc};
 #[cfg(feature = "spi-front-end")]
 use embassy_stm32::{
     gpio::{Input, Pull},
@@ -27,28 +20,19 @@ use embassy_stm32::{
 };
 #[cfg(feature = "spi-front-end")]
 use embedded_hal_bus::spi::{ExclusiveDevice, NoDelay};
-use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
-use static_cell::ConstStaticCell;
 
 use super::interface::Board;
+#[cfg(not(feature = "usb"))]
+use super::usart::SerialLink as Link;
+#[cfg(feature = "usb")]
+use super::usb::UsbLink as Link;
 #[cfg(feature = "spi-front-end")]
 use crate::front_end::{Coding, SpiConverter};
-
-const BAUD: u32 = 921_600;
-
-bind_interrupts!(struct Interrupts {
-    USART3 => usart::BufferedInterruptHandler<USART3>;
-});
-
-const RECEIVE_BYTES: usize = 8192;
-
-static RECEIVED: ConstStaticCell<[u8; RECEIVE_BYTES]> = ConstStaticCell::new([0; RECEIVE_BYTES]);
-static TO_SEND: ConstStaticCell<[u8; 2048]> = ConstStaticCell::new([0; 2048]);
 
 /// Nucleo-H743ZI2 board.
 pub struct H743 {
     light: Output<'static>,
-    link: SerialLink,
+    link: Link,
     watchdog: IndependentWatchdog<'static, IWDG1>,
     watching: bool,
     #[cfg(feature = "spi-front-end")]
@@ -88,16 +72,15 @@ pub fn front_end<'a>(board: &mut H743, buffer: &'a mut [u8]) -> Option<SpiFrontE
 }
 
 impl Board for H743 {
-    type Link = SerialLink;
+    type Link = Link;
     type Light = Output<'static>;
     const NAME: &'static str = "nucleo-h743zi2";
     const TICKS_HZ: u32 = 400_000_000;
-    // A byte takes ten bits.
-    const MAX_STEP_US: Option<u32> = Some(RECEIVE_BYTES as u32 * 10 * 1000 / (BAUD / 1000));
+    const MAX_STEP_US: Option<u32> = Some(Link::MAX_STEP_US);
     const WATCHDOG_MS: u32 = 2000;
 
     fn take() -> Option<Self> {
-        let (received, to_send) = (RECEIVED.try_take()?, TO_SEND.try_take()?);
+        let buffers = Link::buffers()?;
         let mut core = cortex_m::Peripherals::take()?;
         core.SCB.enable_icache();
         // No DMA is used, so the data cache needs no maintenance.
@@ -107,26 +90,14 @@ impl Board for H743 {
         core.DWT.enable_cycle_counter();
 
         let board = embassy_stm32::init(clocks());
-        let mut config = usart::Config::default();
-        config.baudrate = BAUD;
-        let uart = BufferedUart::new(
-            board.USART3,
-            board.PD9,
-            board.PD8,
-            to_send,
-            received,
-            Interrupts,
-            config,
-        );
-        let (tx, rx) = uart.ok()?.split();
+        #[cfg(not(feature = "usb"))]
+        let link = Link::start(buffers, board.USART3, board.PD9, board.PD8)?;
+        #[cfg(feature = "usb")]
+        let link = Link::start(buffers, board.USB_OTG_FS, board.PA11, board.PA12)?;
         Some(Self {
             // LD1, the green LED.
             light: Output::new(board.PB0, Level::Low, Speed::Low),
-            link: SerialLink {
-                rx,
-                tx,
-                waiting: None,
-            },
+            link,
             watchdog: IndependentWatchdog::new(board.IWDG1, Self::WATCHDOG_MS * 1000),
             watching: false,
             #[cfg(feature = "spi-front-end")]
@@ -138,7 +109,7 @@ impl Board for H743 {
         })
     }
 
-    fn link(&mut self) -> &mut SerialLink {
+    fn link(&mut self) -> &mut Link {
         &mut self.link
     }
 
@@ -147,12 +118,7 @@ impl Board for H743 {
     }
 
     fn wait(&mut self) {
-        // Interrupts masked, so that a byte received between the check and the sleep ends the sleep.
-        cortex_m::interrupt::free(|_| {
-            if matches!(self.link.read_ready(), Ok(false)) {
-                cortex_m::asm::wfi();
-            }
-        });
+        self.link.wait();
     }
 
     fn ticks(&self) -> u32 {
@@ -200,74 +166,11 @@ fn clocks() -> embassy_stm32::Config {
     config.rcc.apb4_pre = APBPrescaler::DIV2;
     config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
     // The clock of SPI1: 64 MHz.
-    config.rcc.mux.persel = rcc::mux::Persel::HSI;
-    config.rcc.mux.spi123sel = rcc::mux::Saisel::PER;
+    #[cfg(feature = "spi-front-end")]
+    {
+        config.rcc.mux.persel = rcc::mux::Persel::HSI;
+        config.rcc.mux.spi123sel = rcc::mux::Saisel::PER;
+    }
+    Link::add_clock(&mut config.rcc);
     config
-}
-
-/// Serial link on USART3.
-///
-/// The driver cannot report whether its ring buffer has room without writing to it. A byte that found no room waits here.
-pub struct SerialLink {
-    rx: BufferedUartRx<'static>,
-    tx: BufferedUartTx<'static>,
-    waiting: Option<u8>,
-}
-
-impl SerialLink {
-    /// Write as much of `buffer` to the ring buffer as fits. `None` if it is full.
-    fn offer(&mut self, buffer: &[u8]) -> Result<Option<usize>, usart::Error> {
-        // The driver's future keeps no state between polls, so it can be dropped when pending.
-        let write = pin!(embedded_io_async::Write::write(&mut self.tx, buffer));
-        match write.poll(&mut Context::from_waker(Waker::noop())) {
-            Poll::Ready(result) => result.map(Some),
-            Poll::Pending => Ok(None),
-        }
-    }
-}
-
-impl ErrorType for SerialLink {
-    type Error = usart::Error;
-}
-
-impl ReadReady for SerialLink {
-    fn read_ready(&mut self) -> Result<bool, usart::Error> {
-        self.rx.read_ready()
-    }
-}
-
-impl Read for SerialLink {
-    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, usart::Error> {
-        self.rx.read(buffer)
-    }
-}
-
-impl WriteReady for SerialLink {
-    fn write_ready(&mut self) -> Result<bool, usart::Error> {
-        if let Some(byte) = self.waiting
-            && self.offer(&[byte])?.is_some()
-        {
-            self.waiting = None;
-        }
-        Ok(self.waiting.is_none())
-    }
-}
-
-impl Write for SerialLink {
-    fn write(&mut self, buffer: &[u8]) -> Result<usize, usart::Error> {
-        while !self.write_ready()? {}
-        let Some(first) = buffer.first() else {
-            return Ok(0);
-        };
-        if let Some(count) = self.offer(buffer)? {
-            return Ok(count);
-        }
-        self.waiting = Some(*first);
-        Ok(1)
-    }
-
-    fn flush(&mut self) -> Result<(), usart::Error> {
-        while !self.write_ready()? {}
-        self.tx.flush()
-    }
 }

@@ -1,15 +1,6 @@
-//! Interrupts, registers and bits of a CMSDK UART.
+//! Interrupts of UART0, registers and bits of a CMSDK UART.
 
-/// Interrupts of UART0.
-#[derive(Clone, Copy)]
-pub(super) struct Interrupt(u16);
-
-// SAFETY: the numbers are those of the AN500 interrupt table and never change.
-unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
-    fn number(self) -> u16 {
-        self.0
-    }
-}
+use super::interrupt::Interrupt;
 
 pub(super) const RX: Interrupt = Interrupt(0);
 pub(super) const TX: Interrupt = Interrupt(1);

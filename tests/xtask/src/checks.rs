@@ -15,16 +15,16 @@ const FIRMWARE: [&str; 4] = ["--package", "subaperture-firmware", "--target", TA
 const CLIPPY: [(&str, &str); 4] = [
     ("clippy, firmware", "board-an500,no-panic"),
     (
-        "clippy, firmware, fixed, small",
-        "board-an500,fixed,size-small",
+        "clippy, firmware, fixed, small, Ethernet",
+        "board-an500,fixed,size-small,ethernet",
     ),
     (
-        "clippy, firmware, STM32H743, large, front end",
-        "board-h743,size-large,spi-front-end",
+        "clippy, firmware, STM32H743, large, USB, front end",
+        "board-h743,size-large,usb,spi-front-end",
     ),
     (
-        "clippy, firmware, STM32H743, fixed, no log",
-        "board-h743,fixed,no-log",
+        "clippy, firmware, STM32H743, fixed, no log, 12 Mbaud",
+        "board-h743,fixed,no-log,serial-12m",
     ),
 ];
 
@@ -74,7 +74,10 @@ const OURS_ALONE: [&str; 10] = [
 ];
 
 const DOC: [(&str, &str); 2] = [
-    ("documentation, firmware", "board-an500,fixed,defmt"),
+    (
+        "documentation, firmware",
+        "board-an500,fixed,defmt,ethernet",
+    ),
     ("documentation, firmware, STM32H743", "board-h743"),
 ];
 

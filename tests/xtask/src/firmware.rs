@@ -47,7 +47,7 @@ impl<'a> Build<'a> {
 
 /// All programs that tests run or inspect, ordered by common features. [`build_all`] builds them during other checks, so that no test waits
 /// for a build.
-const ALL: [Build<'static>; 28] = [
+const ALL: [Build<'static>; 31] = [
     Build::bin("application", "no-panic"),
     Build::bin("cycles", ""),
     Build::bin("selftest", ""),
@@ -58,6 +58,8 @@ const ALL: [Build<'static>; 28] = [
     Build::example("panics", "no-panic"),
     Build::example("echo", ""),
     Build::example("slow_echo", ""),
+    Build::bin("application", "ethernet"),
+    Build::example("echo", "ethernet"),
     Build::bin("stream_selftest", "no-panic"),
     Build::bin("application", "no-panic,fixed"),
     Build::bin("application", "fixed,no-panic"),
@@ -73,6 +75,7 @@ const ALL: [Build<'static>; 28] = [
     Build::bin("application", "size-large,board-h743"),
     Build::bin("application", "defmt"),
     Build::bin("application", "board-h743,no-log"),
+    Build::bin("application", "board-h743,usb"),
     Build {
         target: "aarch64-unknown-linux-musl",
         ..Build::bin("stream_selftest", "")
