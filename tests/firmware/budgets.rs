@@ -23,13 +23,13 @@ fn every_figure_is_within_its_budget() {
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
-/// A map without Keystone needs at most 1.6 times the instructions of its range transforms; with 128 points in fixed point, the
-/// transforms are 64 % of it.
+/// A map without Keystone needs at most 1.65 times the instructions of its range transforms; with 128 points in fixed point, the
+/// transforms are 62 % of it.
 fn check_ratio(figures: &Figures, failures: &mut Vec<String>) {
     let ratio = figures.ratio();
-    if ratio.is_nan() || ratio > 1.6 {
+    if ratio.is_nan() || ratio > 1.65 {
         failures.push(format!(
-            "{}: a map without Keystone over its transforms is {ratio:.3}, budget 1.6",
+            "{}: a map without Keystone over its transforms is {ratio:.3}, budget 1.65",
             figures.name
         ));
     }

@@ -103,20 +103,16 @@ pub(super) fn fold<'a>(
     guard_bits: u32,
     buffer: &'a mut [Complex<i32>],
 ) -> Folded<'a> {
-    // Sample (2^-15) times phasor (2^-30) is narrowed to units of 2^-29, which fit 32 bits, and then to 2^(g - 29).
-    // Half of the last dropped unit is added for rounding at the shift that drops it.
-    let (half, narrow_half) = match guard_bits.checked_sub(1) {
-        Some(last) => (0, 1i32.wrapping_shl(last)),
-        None => (1 << 15, 0),
-    };
-    let narrowed = |x: i64| (((x + half) >> 16) as i32).wrapping_add(narrow_half) >> guard_bits;
+    // Sample (2^-31) times phasor (2^-30) is rounded to units of 2^-29, which fit 32 bits, and then to 2^(g - 29).
+    let half = guard_bits
+        .checked_sub(1)
+        .map_or(0, |last| 1i32.wrapping_shl(last));
+    let narrowed = |x: i32| x.wrapping_add(half) >> guard_bits;
     let compensated = |(phase, sample): (&PulsePhase, Sc16)| {
-        let (cos, sin) = (i64::from(phase.value.re), i64::from(phase.value.im));
-        let (re, im) = (
-            i64::from(sample.re.to_bits()),
-            i64::from(sample.im.to_bits()),
-        );
-        Complex::new(narrowed(cos * re - sin * im), narrowed(cos * im + sin * re))
+        let wide = |part: i16| i32::from(part) << 16;
+        let sample = Complex::new(wide(sample.re.to_bits()), wide(sample.im.to_bits()));
+        let z = sine::product(sample, phase.value);
+        Complex::new(narrowed(z.re), narrowed(z.im))
     };
     for phase in phases.iter_mut() {
         phase.at(k);

@@ -17,7 +17,7 @@
 //!
 //! **Accuracy**, relative RMS error: -154 dB or better on noise of amplitude `2^31`, -129 dB on noise of `2^20`,
 //! for all lengths (`tests/stream/fixed_stages.rs`). **Cost**: no memory; `N/4 log4 N` radix-4 butterflies of 12
-//! multiplications of 32 x 32 bits, of which the rounded upper halves are used; `N` twiddle factors are read from the table.
+//! multiplications of 32 x 32 bits, whose upper halves are rounded; `N` twiddle factors are read from the table.
 //!
 //! ```
 //! use num_complex::Complex;
@@ -79,7 +79,7 @@ pub fn inverse(buffer: &mut [Complex<i32>]) -> u32 {
 const RADIX_2_BITS: u32 = 29;
 const RADIX_4_BITS: u32 = 28;
 
-/// Bits that a rotation drops ([`sine::rotated_quarter`]): the maximum shift of a radix-4 stage.
+/// Bits that a rotation drops ([`sine::product`]): the maximum shift of a radix-4 stage.
 const QUARTER_BITS: u32 = 2;
 
 /// Smallest `b` such that every part is in `-2^b .. 2^b`.
@@ -143,7 +143,7 @@ fn radix_4(buffer: &mut [Complex<i32>], part: usize, shift: u32) -> u32 {
             mask |= butterfly(block, j, part, shift, |y, n| match twiddles.get(n) {
                 Some(twiddle) => {
                     let y = Complex::new(y.re.wrapping_shl(left), y.im.wrapping_shl(left));
-                    sine::rotated_quarter(y, *twiddle)
+                    sine::product(y, *twiddle)
                 }
                 None => y,
             });

@@ -114,22 +114,22 @@ fn upper(x: i64) -> i32 {
 /// result stays below `2^31`.
 #[inline]
 pub(super) fn rotated(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
-    let quarter = rotated_quarter(value, phasor);
+    let quarter = product(value, phasor);
     Complex::new(quarter.re << 2, quarter.im << 2)
 }
 
-/// A quarter of `value` rotated by a phasor; each of the two products of a part is rounded. Parts of `value` must be at most
-/// `2^31`. Cortex-M4 and M7 have an instruction for a product with its rounding and sum.
+/// `2^-32 value phasor`, with each of the two products of a part rounded: a quarter of `value` rotated by the phasor. Cortex-M4 and
+/// M7 have an instruction for a product with its rounding and sum.
 #[inline]
-pub(super) fn rotated_quarter(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
-    let product = |x: i32, y: i32| i64::from(x) * i64::from(y);
-    let first = |x: i32, y: i32| upper(product(x, y) + (1 << 31));
+pub(super) fn product(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
+    let times = |x: i32, y: i32| i64::from(x) * i64::from(y);
+    let first = |x: i32, y: i32| upper(times(x, y) + (1 << 31));
     let wide = |x: i32| i64::from(x) << 32;
     let (a, b) = (first(value.re, phasor.re), first(value.re, phasor.im));
     Complex::new(
         // A sum: the compiler merges the carry of a difference with later sums.
-        upper(wide(a) + product(value.im, -phasor.im) + (1 << 31)),
-        upper(wide(b) + product(value.im, phasor.re) + (1 << 31)),
+        upper(wide(a) + times(value.im, -phasor.im) + (1 << 31)),
+        upper(wide(b) + times(value.im, phasor.re) + (1 << 31)),
     )
 }
 
