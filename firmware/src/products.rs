@@ -9,6 +9,9 @@ use subaperture_core::link::{
 };
 use subaperture_core::stream::{MapHeader, PatchMap, Setup};
 
+/// Maximum number of pixels per step.
+const STEP: usize = ChipGrid::STEP_PIXELS;
+
 /// Maximum number of detections per map.
 pub const DETECTIONS: usize = 32;
 
@@ -279,17 +282,19 @@ impl<'a> Products<'a> {
         let (range, grid) = chip.grid.step(step)?;
         let pixels = self.buffers.pixels.get_mut(chip.first_pixel as usize..)?;
         let pixels = pixels.get_mut(range)?;
-        // The map is normalised by its number of pulses; the chip will be by the sum of all weights.
-        let weight = f32::from(map.header.num_pulses);
-        let kernel = self.buffers.kernel;
+        let (mut look, mut power) = ([Complex32::ZERO; STEP], [0.0; STEP]);
+        let look = look.get_mut(..pixels.len())?;
+        // The map is normalised by its number of pulses; the chip will be by the sum of all weights, a look by those of its map.
+        let pulses = f32::from(map.header.num_pulses);
+        let (sums, weight) = if self.power {
+            (&mut *look, pulses / map.header.weight_sum)
+        } else {
+            (&mut *pixels, pulses)
+        };
         // Cannot fail: the pixels have the length of the grid.
-        let inside = if self.power {
-            let mut look = [Complex32::ZERO; ChipGrid::STEP_PIXELS];
-            let mut power = [0.0; ChipGrid::STEP_PIXELS];
-            let look = look.get_mut(..pixels.len())?;
-            let power = power.get_mut(..pixels.len())?;
-            let weight = weight / map.header.weight_sum;
-            let inside = add_patch_map(look, &grid, setup, map, kernel, weight).ok()?;
+        let inside = add_patch_map(sums, &grid, setup, map, self.buffers.kernel, weight).ok()?;
+        if self.power {
+            let power = power.get_mut(..look.len())?;
             for (power, pixel) in power.iter_mut().zip(&*pixels) {
                 *power = pixel.re;
             }
@@ -297,10 +302,7 @@ impl<'a> Products<'a> {
             for (pixel, power) in pixels.iter_mut().zip(power) {
                 pixel.re = *power;
             }
-            inside
-        } else {
-            add_patch_map(pixels, &grid, setup, map, kernel, weight).ok()?
-        };
+        }
         let left_out = pixels.len().saturating_sub(inside) as u32;
         chip.left_out = chip.left_out.saturating_add(left_out);
         Some(())

@@ -14,7 +14,7 @@ use subaperture::phase_history::ReadError;
 use subaperture_core::link::Encoding;
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::firmware::{Build, TIME_LIMIT, build};
-use subaperture_tests::link_scene::{CHIPS, MAPS, image_scene, job, judge_image, recorded};
+use subaperture_tests::link_scene::{COHERENT, MAPS, image_scene, job, judge_image, recorded};
 use subaperture_tests::sweep_scene::SweepScene;
 
 use crate::emulated::{Begin, Emulated, Wire};
@@ -62,7 +62,7 @@ fn image_over_ethernet_equals_that_of_core_after_a_cut() {
     let mut module = module(faults);
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut module, &mut buffers, settings(3), &mut Silent).unwrap();
-    let (outcome, image) = session.accumulate(&mut work, &CHIPS, &mut Silent);
+    let (outcome, image) = session.accumulate(&mut work, COHERENT, &mut Silent);
     println!("{}", outcome.counts);
     complete(&outcome);
     judge_image(&image);

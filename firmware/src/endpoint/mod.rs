@@ -13,7 +13,7 @@
 //! ```
 //!
 //! **Order of sending**: identity, refusals, status, list of accumulated sub-CPIs, events, then the current map, its
-//! detections, or a chip. The buffer holds one frame at a time.
+//! detections, or a chip. At the end of a run events precede the status. The buffer holds one frame at a time.
 //!
 //! | file | content |
 //! |---|---|

@@ -55,8 +55,6 @@ impl<E: WireEngine> Module<'_, E> {
         };
         let more_credit = self.state == State::Running && credit != self.reported_credit;
         if self.due.status || more_credit {
-            self.due.status = false;
-            self.reported_credit = credit;
             let status = Status {
                 state: self.state,
                 configuration: self.configuration,
@@ -68,7 +66,17 @@ impl<E: WireEngine> Module<'_, E> {
                 pulses,
             };
             self.events.compare(&status);
-            self.pending = send(&mut self.encoder, self.frame, &Report::Status(status));
+            // The host may leave after the status that ends a run.
+            let done = self.state == State::Done;
+            let report = match done.then(|| self.events.next()).flatten() {
+                Some(event) => Report::Event(event),
+                None => {
+                    self.due.status = false;
+                    self.reported_credit = credit;
+                    Report::Status(status)
+                }
+            };
+            self.pending = send(&mut self.encoder, self.frame, &report);
             return;
         }
         if let Some(first) = self.due.accumulated.take() {

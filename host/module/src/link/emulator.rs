@@ -142,6 +142,8 @@ impl Transport for Emulator {
         };
         let child = Command::new(PROGRAM)
             .args(["-M", "mps2-an500", "-display", "none", "-monitor", "none"])
+            // Without this, the firmware could reach the network.
+            .args(["-nic", "none"])
             .args(["-chardev", "stdio,id=link,signal=off", "-chardev", &log])
             .args(["-serial", "chardev:link", "-serial", "chardev:log"])
             .arg("-kernel")
