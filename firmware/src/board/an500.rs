@@ -1,7 +1,8 @@
 //! ARM MPS2 board with FPGA image AN500, as emulated by QEMU's machine `mps2-an500`.
 //!
-//! LED 0 at 0x40028000, UART0 (the link, without the feature `ethernet`) at 0x40004000, UART1 (the log) at 0x40005000, UART2 (the front end) at 0x40006000, timer 0 at 0x40000000 and the
-//! watchdog at 0x40008000 are ARM CMSDK peripherals (DDI 0479), clocked at 25 MHz. Differences of the emulation: the UART
+//! LED 0 at 0x40028000, UART0 (the link, without the feature `ethernet`) at 0x40004000, UART1 (the log) at 0x40005000, UART2
+//! (the front end) at 0x40006000, timer 0 at 0x40000000 and the watchdog at 0x40008000 are ARM CMSDK peripherals (DDI
+//! 0479), clocked at 25 MHz. Differences of the emulation: the UART
 //! has no bit rate (a byte is sent as fast as the other end accepts it), and time follows the host's clock unless `-icount`
 //! ties it to instructions. The core's cycle counter (DWT) is not emulated; the timer replaces it.
 //!

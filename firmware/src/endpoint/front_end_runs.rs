@@ -44,8 +44,8 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Number of the next expected pulse and credit of a run: those of the processor, unless the samples come from here. The credit grows in steps of half a
-    /// queue, so that few reports are needed.
+    /// Number of the next expected pulse and credit of a run: those of the processor, unless the samples come from here. The
+    /// credit then grows in steps of half a queue, so that few reports are needed.
     pub(super) fn flow(&mut self, next_pulse: u32, accept_through: u32) -> (u32, u32) {
         let Some((_, queue)) = self.parts.as_ref().filter(|_| self.active) else {
             return (next_pulse, accept_through);

@@ -171,7 +171,7 @@ pub(crate) struct Rehearsal {
 #[serde(default)]
 pub(crate) struct Input {
     /// Recordings: CPHD, CRSD, GOTCHA .mat, arrays, or descriptions of raw samples (.toml, see subap recording). Several make one aperture,
-    /// in the order given
+    /// ordered by time or, without times, by angle
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,
 
