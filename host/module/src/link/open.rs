@@ -15,7 +15,7 @@ use super::transport::{Transport, is_not_yet, read_stream, write_stream};
 /// Timeout of a connection attempt.
 const CONNECT_LIMIT: Duration = Duration::from_secs(5);
 
-/// Bytes written to a serial line at a time: 5.6 ms at 921600 bits per second, so that reading is not delayed.
+/// Bytes written to a serial line at a time: those of 5.6 ms, so that reading is not delayed, and at least this many.
 const SERIAL_CHUNK_BYTES: usize = 512;
 
 /// Timeout of a write to a serial line.
@@ -144,9 +144,11 @@ impl Transport for Serial {
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        // A byte takes ten bits.
+        let most = SERIAL_CHUNK_BYTES.max(self.baud as usize / 10 * 56 / 10_000);
         let port = self.port()?;
         port.set_write_timeout(SERIAL_WRITE)?;
-        match port.write(&bytes[..bytes.len().min(SERIAL_CHUNK_BYTES)]) {
+        match port.write(&bytes[..bytes.len().min(most)]) {
             Err(error) if is_not_yet(&error) => Ok(0),
             written => written,
         }
