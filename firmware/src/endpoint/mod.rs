@@ -21,7 +21,7 @@
 //! | `module` | its state |
 //! | `commands` | execution of commands, and reasons to refuse them |
 //! | `events` | events for the log of the board and for the host |
-//! | `front_end_runs` | runs with samples from the module's own front end |
+//! | `front_end`, `front_end_runs` | state of runs with samples from the module's own front end, and the runs |
 //! | `increments`, `increment_runs` | state of runs that produce motion increments, and the runs |
 //! | `profiles`, `profile_runs` | state of runs that produce range profiles, and the runs |
 //! | `reports` | reports to the host, one frame at a time |
@@ -29,6 +29,7 @@
 
 mod commands;
 mod events;
+mod front_end;
 mod front_end_runs;
 mod increment_runs;
 mod increments;
@@ -40,7 +41,7 @@ mod transfer;
 mod work;
 
 use events::Events;
-use front_end_runs::Source;
+use front_end::Source;
 use increments::Increments;
 use module::{Due, Module};
 use profiles::Profiles;

@@ -4,7 +4,7 @@ use subaperture_core::link::{Encoder, Refusal, State};
 use subaperture_core::stream::SubCpiProcessor;
 
 use super::events::Events;
-use super::front_end_runs::Source;
+use super::front_end::Source;
 use super::increments::Increments;
 use super::profiles::Profiles;
 use super::transfer::Transfer;

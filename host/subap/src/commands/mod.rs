@@ -26,6 +26,7 @@ mod run;
 mod simulate;
 mod stored;
 mod surface;
+mod sweeps;
 mod track;
 mod track_fusion;
 mod tune;

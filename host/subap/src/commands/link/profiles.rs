@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use num_complex::{Complex, Complex32};
 use serde_json::{Value, json};
 use subaperture::SPEED_OF_LIGHT_M_S;
@@ -22,8 +22,7 @@ use subaperture::module::link::{
 };
 use subaperture::monitor::Silent;
 use subaperture::phase_history::ReadError;
-use subaperture::radio::Reference;
-use subaperture::radio::sigmf::{Recording, Setup, SigmfError};
+use subaperture::radio::sigmf::{Recording, SigmfError};
 use subaperture::signal::window::Window;
 use subaperture_core::sweep;
 
@@ -33,6 +32,7 @@ use super::receiving::Watching;
 use super::work::normalised;
 use crate::args::Link;
 use crate::commands::profile::{MAX_ROWS, drawn};
+use crate::commands::sweeps::{firsts, for_module};
 use crate::config::{Session, command_line, record_of_run};
 use crate::failure::Usage;
 use crate::{interrupt, messages};
@@ -100,15 +100,6 @@ impl<'a> Capture<'a> {
         }
         Ok(())
     }
-}
-
-/// First step of each sweep and the end of the last. The last sweep of a capture that was killed or is still running may be incomplete and
-/// is left out.
-pub(crate) fn firsts(recording: &Recording) -> Vec<usize> {
-    let steps = recording.steps();
-    let is_first = |&n: &usize| n == 0 || steps[n].sweep != steps[n - 1].sweep;
-    let end = (!recording.interrupted()).then_some(steps.len());
-    (0..steps.len()).filter(is_first).chain(end).collect()
 }
 
 fn malformed(path: PathBuf, error: &SigmfError) -> ReadError {
@@ -384,26 +375,6 @@ fn rows<'p>(
     profiles.flat_map(move |profile| {
         let values = profile.values.iter().copied();
         values.chain(std::iter::repeat_n(missing, bins - profile.values.len()))
-    })
-}
-
-/// Settings of the module's profiler for a capture: two bins or more per resolution cell.
-pub(crate) fn for_module(setup: &Setup) -> anyhow::Result<sweep::Setup> {
-    if setup.reference != Reference::Loopback {
-        bail!(
-            "the capture uses the {} as the reference; a module divides the echo by that of the loopback cable: use subap \
-             profile",
-            setup.reference.name()
-        );
-    }
-    let band = setup.band();
-    Ok(sweep::Setup {
-        carriers: u16::try_from(setup.steps)?,
-        period: u16::try_from(setup.period)?,
-        samples: u32::try_from(setup.samples)?,
-        bins: u16::try_from((2 * setup.steps).next_power_of_two())?,
-        start_hz: band.start_hz,
-        step_hz: band.step_hz,
     })
 }
 

@@ -14,7 +14,7 @@ use subaperture::radio::sigmf::Recording;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::PlanModule;
-use crate::commands::link::profiles::{firsts, for_module};
+use crate::commands::sweeps::{firsts, for_module};
 use crate::config::{Session, module_error_db};
 use crate::text::{self, Fact, bytes, metres};
 
