@@ -4,7 +4,6 @@
 use super::uart;
 
 pub(super) const CLOCK_HZ: u32 = 25_000_000;
-// With both features no UART is used.
 pub(super) const BAUD: u32 = 921_600;
 
 /// Registers and bits of a timer.
