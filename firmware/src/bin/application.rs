@@ -11,7 +11,7 @@ mod target {
 
     #[entry]
     fn main() -> ! {
-        let Some(mut board) = Current::take() else {
+        let Some(board) = Current::take() else {
             fault::die(format_args!("board already taken at program start"));
         };
         log!(
@@ -28,6 +28,7 @@ mod target {
         let endpoint = endpoint.with_log(board::log_event, fault::resets());
         #[cfg(any(feature = "board-an500", feature = "spi-front-end"))]
         {
+            let mut board = board;
             let front_end = module::FRONT_END.try_take();
             let front_end = front_end.and_then(|buffer| board::front_end(&mut board, buffer));
             let (Some(mut front_end), Some(queue)) = (front_end, module::GEOMETRY.try_take())
