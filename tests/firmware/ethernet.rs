@@ -2,8 +2,8 @@
 //!
 //! The emulator's user network forwards a TCP port of this machine to the module. It isolates the module from any other address.
 
-use std::io::{Read, Write};
-use std::net::{Shutdown, TcpStream};
+use std::io::Write;
+use std::net::TcpStream;
 use std::time::Instant;
 
 use subaperture::module::link::{
@@ -18,6 +18,7 @@ use subaperture_tests::link_scene::{COHERENT, MAPS, image_scene, job, judge_imag
 use subaperture_tests::sweep_scene::SweepScene;
 
 use crate::emulated::{Begin, Emulated, Wire};
+use crate::serial_line::{echo, noise};
 use crate::sessions::{complete, session, settings};
 
 fn module(faults: Faults) -> FaultyLine<Emulated> {
@@ -151,18 +152,6 @@ fn connect(emulated: &Emulated) -> TcpStream {
     stream
 }
 
-/// Bytes without a short period, in which a lost byte could remain undetected.
-fn noise(bytes: usize) -> Vec<u8> {
-    let mut state = 1u64;
-    let next = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
-        (state >> 56) as u8
-    };
-    std::iter::repeat_with(next).take(bytes).collect()
-}
-
 impl Echo {
     fn start() -> Self {
         let elf = build(&Build::example("echo", "ethernet"));
@@ -170,38 +159,18 @@ impl Echo {
         let stream = connect(&emulated);
         Self { emulated, stream }
     }
-
-    /// Send `bytes` bytes and read as many back; returns the rate in bytes per second.
-    fn echo(&mut self, bytes: usize) -> f64 {
-        let sent = noise(bytes);
-        let started = Instant::now();
-        let mut received = vec![0; bytes];
-        let mut writer = self.stream.try_clone().unwrap();
-        std::thread::scope(|scope| {
-            scope.spawn(|| writer.write_all(&sent));
-            let result = self.stream.read_exact(&mut received);
-            if result.is_err() {
-                // Otherwise the writer would wait for a module that has stopped.
-                let _ = self.stream.shutdown(Shutdown::Both);
-            }
-            result.expect("as many bytes come back as were sent");
-        });
-        let first = sent.iter().zip(&received).position(|(a, b)| a != b);
-        assert_eq!(first, None, "the first byte that differs");
-        bytes as f64 / started.elapsed().as_secs_f64()
-    }
 }
 
 #[test]
 fn echoed_bytes_are_unchanged() {
-    let mut echo = Echo::start();
+    let mut module = Echo::start();
     // The first bytes wait for the start of the module.
-    echo.echo(1);
-    let rate = echo.echo(4_000_000);
+    echo(&mut module.stream, 1);
+    let rate = echo(&mut module.stream, 4_000_000);
     println!("Ethernet: {rate:.0} bytes a second in each direction at the same time");
     let started = Instant::now();
     for _ in 0..100 {
-        echo.echo(64);
+        echo(&mut module.stream, 64);
     }
     let trip_us = started.elapsed().as_micros() / 100;
     println!("Ethernet: {trip_us} us for 64 bytes there and back");
@@ -209,14 +178,14 @@ fn echoed_bytes_are_unchanged() {
 
 #[test]
 fn new_connection_receives_no_byte_of_the_previous_one() {
-    let mut echo = Echo::start();
-    echo.echo(1000);
+    let mut module = Echo::start();
+    echo(&mut module.stream, 1000);
     for _ in 0..3 {
         // Some of these bytes are unread when the connection closes.
-        echo.stream.write_all(&noise(20_000)).unwrap();
+        module.stream.write_all(&noise(20_000)).unwrap();
         // A connection that arrives before the end of the previous one replaces it.
-        let next = connect(&echo.emulated);
-        drop(std::mem::replace(&mut echo.stream, next));
-        echo.echo(1000);
+        let next = connect(&module.emulated);
+        drop(std::mem::replace(&mut module.stream, next));
+        echo(&mut module.stream, 1000);
     }
 }

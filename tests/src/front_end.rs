@@ -39,7 +39,7 @@ pub fn framed(number: u32, samples: &[u8]) -> Vec<u8> {
     buffer
 }
 
-/// Serial port that delivers bytes in pieces, some of them after others were read.
+/// Serial port that delivers its bytes in pieces of 1 to 61 bytes.
 #[derive(Clone, Default)]
 pub struct Port(Arc<Mutex<VecDeque<u8>>>);
 

@@ -224,8 +224,8 @@ impl<'a> Row<'a> {
 pub const CHIP_PART_PIXELS: usize = 64;
 
 /// Write `scale` times some pixels of an image chip. In [`PixelEncoding::Sc16`] each block of 32 has the smallest exponent of two
-/// that holds its largest part, so a pixel is rounded to `2^-15` of that part. In [`PixelEncoding::Power`] only real parts are written. `None` if the buffer is too
-/// short.
+/// that holds its largest part, so a pixel is rounded to `2^-15` of that part. In [`PixelEncoding::Power`] only real parts are
+/// written. `None` if the buffer is too short.
 pub fn write_pixels<'b>(
     encoding: PixelEncoding,
     pixels: &[Complex32],

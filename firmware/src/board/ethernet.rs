@@ -208,7 +208,7 @@ impl TcpLink {
                     continue;
                 }
                 State::Established | State::Listen | State::SynReceived => continue,
-                // The reset that ends a connection was sent, or none is due.
+                // Closed, without a pending reset.
                 State::Closed if socket.remote_endpoint().is_none() => {
                     // The port is not zero and the socket is closed.
                     let _ = socket.listen(PORT);

@@ -19,8 +19,9 @@ pub enum Coding {
 /// Converter with two channels of 16 bits on an SPI bus, and a pin that signals pulses.
 ///
 /// Each sample is two words, most significant bit first: the in-phase and the quadrature channel. The pin is high while a pulse
-/// waits to be read and goes low before its last sample was read. A converter with a buffer sends a whole pulse in one transfer. One
-/// without samples at the start of each transfer: its sample clock is that of the bus, with the jitter of the program.
+/// waits to be read, and goes low before its last sample was read. A converter with a buffer sends a whole pulse in one transfer.
+/// A converter without a buffer takes one sample per transfer, at its start; the program then sets the sampling times, with its
+/// jitter.
 ///
 /// Reading blocks for the transfers of one pulse: 432 samples at 16 MHz take 0.86 ms, and the gaps between the transfers. If the
 /// bus fails, the pulse is lost.

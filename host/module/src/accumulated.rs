@@ -2,7 +2,8 @@
 //!
 //! Every patch has a chip: the rectangle of the grid's pixels that belong to it. The module sums the maps of each patch over
 //! all sub-CPIs at the pixels of its chip (`subaperture_core::accumulate`, the range-Doppler backprojection of Schone 2020,
-//! chapter 3), or the power of each sub-CPI ([`ImageSum::Power`]), and sends each chip once. The bytes from the module are those of the pixels, however many pulses there are.
+//! chapter 3), or the power of each sub-CPI ([`ImageSum::Power`]), and sends each chip once. The bytes from the module are those
+//! of the pixels, however many pulses there are.
 //!
 //! **Error**: that of the plan for [`ModuleProduct::Image`](crate::plan::ModuleProduct::Image). **Tests**: `tests/link/image.rs`,
 //! `tests/firmware/gotcha.rs`.

@@ -101,7 +101,12 @@ impl Setting {
             Self::Chip(_) if power => Some(Self::Power),
             Self::Patch(_) if detects => Some(Self::Detect),
             Self::Ready => None,
-            _ => Some(Self::Ready),
+            Self::Configure
+            | Self::Weights(_)
+            | Self::Patch(_)
+            | Self::Chip(_)
+            | Self::Power
+            | Self::Detect => Some(Self::Ready),
         }
     }
 
@@ -150,7 +155,9 @@ impl Setting {
             Self::Configure => Ok(status.configuration == id),
             _ if status.configuration != id => Err(LinkError::Restarted),
             Self::Ready => Ok(status.state == ModuleState::Ready),
-            _ => Ok(true),
+            Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Power | Self::Detect => {
+                Ok(true)
+            }
         }
     }
 
