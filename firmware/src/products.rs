@@ -15,6 +15,9 @@ const STEP: usize = ChipGrid::STEP_PIXELS;
 /// Maximum number of detections per map.
 pub const DETECTIONS: usize = 32;
 
+/// Maximum number of channels of a detection.
+pub const CHANNELS: usize = 4;
+
 /// Buffers of the map products.
 #[derive(Debug)]
 pub struct ProductBuffers<'a> {
@@ -69,6 +72,8 @@ pub(crate) struct Products<'a> {
     buffers: ProductBuffers<'a>,
     pub(crate) cfar: Option<Cfar>,
     pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
+    /// Value of each channel's map at the cell of each detection.
+    pub(crate) values: [[Complex32; CHANNELS]; DETECTIONS],
     num_chips: usize,
     /// Whether the chips accumulate the power of each sub-CPI, in the real parts of their pixels.
     power: bool,
@@ -86,6 +91,8 @@ enum Next {
     Chip(usize),
     BeginSearch,
     Search(CfarSearch),
+    /// Read the values at the detections.
+    Values,
     Done,
 }
 
@@ -95,6 +102,7 @@ impl<'a> Products<'a> {
             buffers,
             cfar: None,
             detections: heapless::Vec::new(),
+            values: [[Complex32::ZERO; CHANNELS]; DETECTIONS],
             num_chips: 0,
             power: false,
             sub_cpis: 0,
@@ -153,8 +161,19 @@ impl<'a> Products<'a> {
         byte.is_some_and(|byte| byte >> (sub_cpi % 8) & 1 == 1)
     }
 
-    /// Set the chip of the next patch, or the same chip again.
-    pub(crate) fn set_chip(&mut self, grid: &ChipGrid, sub_cpis: u32) -> Result<(), Refusal> {
+    /// Set the chip of the next patch, or the same chip again. Chips are of one channel.
+    pub(crate) fn set_chip(
+        &mut self,
+        grid: &ChipGrid,
+        sub_cpis: u32,
+        channels: u16,
+    ) -> Result<(), Refusal> {
+        if channels > 1 {
+            return Err(Refusal::Channels {
+                wanted: channels,
+                most: 1,
+            });
+        }
         let (index, capacity) = (usize::from(grid.patch), self.capacity());
         if self
             .chips()
@@ -216,8 +235,12 @@ impl<'a> Products<'a> {
         }
     }
 
-    /// Start the products of a map.
+    /// Start the products of a map. Targets are detected on the map of channel 0.
     pub(crate) fn begin_map(&mut self, map: &PatchMap<'_>) {
+        if map.header.channel > 0 {
+            self.next = Next::Values;
+            return;
+        }
         self.detections.clear();
         let accumulate = self.num_chips > 0 && !self.has(map.header.sub_cpi);
         self.is_partial |= accumulate;
@@ -267,8 +290,18 @@ impl<'a> Products<'a> {
                 // A map that is too wide gets no columns and thus no detections.
                 let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
                 if search.step_in_map(map, columns, &mut self.detections) != Ok(true) {
-                    self.next = Next::Done;
+                    self.next = Next::Values;
                 }
+            }
+            Next::Values => {
+                let channel = usize::from(map.header.channel);
+                for (detection, values) in self.detections.iter().zip(&mut self.values) {
+                    let (doppler_bin, range_bin) = detection.cell();
+                    if let Some(value) = values.get_mut(channel) {
+                        *value = map.at(doppler_bin, range_bin);
+                    }
+                }
+                self.next = Next::Done;
             }
             Next::Done => return false,
         }

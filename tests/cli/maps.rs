@@ -35,7 +35,7 @@ fn write(path: &Path, keep: impl Fn(u32) -> bool) {
         room: ModuleCapacity::Ram { bytes: 1 << 20 },
         arithmetic: Arithmetic::Float,
     };
-    let plan = ModulePlan::new(collection, &GRID.parse().unwrap(), &requirements).unwrap();
+    let plan = ModulePlan::new(&[collection], &GRID.parse().unwrap(), &requirements).unwrap();
     let fast = fast_weights(&weights.fast);
     let setup = Run {
         name: "bench run".to_owned(),

@@ -1,5 +1,7 @@
 //! Targets that the emulated module detects, by the command: three moving targets in clutter.
 
+use std::f64::consts::TAU;
+
 use crate::emulated::application;
 use subaperture_tests::subap::run;
 
@@ -57,28 +59,70 @@ const MOVERS: [([f64; 3], [f64; 3]); 3] = [
     ([2.0, 7.0, 0.0], [0.5, -1.1, 0.0]),
 ];
 
-/// Two-way path in metres and its rate in metres per second, `after_s` seconds after the middle of the collection.
-fn path(position_m: [f64; 3], velocity_m_s: [f64; 3], after_s: f64) -> (f64, f64) {
-    let radar_m = [125.0 * after_s, -5000.0, 3000.0];
-    let radar_m_s = [125.0, 0.0, 0.0];
-    let line: [f64; 3] =
-        std::array::from_fn(|i| position_m[i] + velocity_m_s[i] * after_s - radar_m[i]);
-    let range_m = line.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let closing: f64 = (0..3)
-        .map(|i| line[i] * (velocity_m_s[i] - radar_m_s[i]))
-        .sum();
-    (2.0 * range_m, 2.0 * closing / range_m)
+/// Two receivers instead of the antenna of the platform, 0.5 m apart along the track.
+const RECEIVERS: &str = r#"
+[[radar.transmitter]]
+offset = "0, 0, 0 m"
+
+[[radar.receiver]]
+offset = "0.25, 0, 0 m"
+
+[[radar.receiver]]
+offset = "-0.25, 0, 0 m"
+"#;
+
+/// Places of the receivers along the track in metres.
+const ALONG_M: [f64; 2] = [0.25, -0.25];
+
+/// Two-way path in metres from the platform to a receiver `along_m` metres ahead of it, and the path rate in metres per second,
+/// `after_s` seconds after the middle of the collection.
+fn path(along_m: f64, position_m: [f64; 3], velocity_m_s: [f64; 3], after_s: f64) -> (f64, f64) {
+    let legs = [0.0, along_m].map(|ahead_m| {
+        let antenna_m = [125.0 * after_s + ahead_m, -5000.0, 3000.0];
+        let antenna_m_s = [125.0, 0.0, 0.0];
+        let line: [f64; 3] =
+            std::array::from_fn(|i| position_m[i] + velocity_m_s[i] * after_s - antenna_m[i]);
+        let range_m = line.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let rate: f64 = (0..3)
+            .map(|i| line[i] * (velocity_m_s[i] - antenna_m_s[i]))
+            .sum();
+        (range_m, rate / range_m)
+    });
+    (legs[0].0 + legs[1].0, legs[0].1 + legs[1].1)
 }
 
-/// A cell is `c / B` of path, 2 m, by the wavelength over the duration of a sub-CPI of path rate.
-#[test]
-fn three_movers_in_clutter_are_detected_within_a_cell() {
+/// Rows of a table of detections, with access by the name of a column.
+struct Table {
+    names: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Table {
+    fn read(text: &str) -> Self {
+        let mut lines = text.lines().skip(1);
+        let names = lines.next().unwrap().split(',').map(str::to_owned);
+        let number = |value: &str| value.parse().unwrap_or(f64::NAN);
+        Self {
+            names: names.collect(),
+            rows: lines
+                .map(|line| line.split(',').map(number).collect())
+                .collect(),
+        }
+    }
+
+    fn at(&self, row: &[f64], name: &str) -> f64 {
+        row[self.names.iter().position(|other| other == name).unwrap()]
+    }
+}
+
+/// Detect the targets of `scene` on the emulated module, in one channel or all of them.
+fn detected(scene: &str, options: &str) -> Table {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("movers.toml"), SCENE).unwrap();
+    std::fs::write(folder.path().join("movers.toml"), scene).unwrap();
     run(folder.path(), "simulate movers.toml -o movers.cphd").succeeded();
     let line = format!(
         "link emulate:float movers.cphd --send detections -o movers.csv --grid x=-10:10:0.5,y=-10:10:0.5,z=0 \
-         --json --firmware {}",
+         --json --firmware {} {options}",
         application()[0].display()
     );
     let ran = run(folder.path(), &line);
@@ -87,38 +131,77 @@ fn three_movers_in_clutter_are_detected_within_a_cell() {
     let ratio = report["down_up_ratio"].as_f64().unwrap();
     println!("ratio {ratio:.4}, {} detections", report["detections"]);
     assert!(ratio <= 0.01, "{ratio}");
+    Table::read(&std::fs::read_to_string(folder.path().join("movers.csv")).unwrap())
+}
 
-    let table = std::fs::read_to_string(folder.path().join("movers.csv")).unwrap();
-    let mut lines = table.lines().skip(1);
-    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let column = |name: &str| names.iter().position(|other| *other == name).unwrap();
-    let rows: Vec<Vec<f64>> = lines
-        .map(|line| {
-            line.split(',')
-                .map(|value| value.parse().unwrap_or(f64::NAN))
-                .collect()
-        })
-        .collect();
-    let [sub_cpi, time, path_column, rate, snr] =
-        ["sub_cpi", "time_s", "path_m", "path_rate_m_s", "snr_db"].map(column);
-    let mut times: Vec<(f64, f64)> = rows.iter().map(|row| (row[sub_cpi], row[time])).collect();
+/// Detections of a target, at most one per sub-CPI, within a cell: `c / B` of path, 2 m, by the wavelength over the duration of a
+/// sub-CPI of path rate. Each with the time after the middle of the collection. And the number of sub-CPIs.
+fn named(
+    table: &Table,
+    along_m: f64,
+    (position_m, velocity_m_s): ([f64; 3], [f64; 3]),
+) -> (Vec<(f64, &[f64])>, usize) {
+    let time = |row: &Vec<f64>| (table.at(row, "sub_cpi"), table.at(row, "time_s"));
+    let mut times: Vec<(f64, f64)> = table.rows.iter().map(time).collect();
     times.dedup();
-    let sub_cpis = times.len();
     // Pulses are 0 to 255, a millisecond apart.
     let middle_s = 0.1275;
-    let cells = [2.0, 0.03 / (0.256 / sub_cpis as f64)];
-    for (position_m, velocity_m_s) in MOVERS {
-        for &(number, time_s) in &times {
-            let (path_m, rate_m_s) = path(position_m, velocity_m_s, time_s - middle_s);
-            let named = rows.iter().find(|row| {
-                row[sub_cpi] == number
-                    && (row[path_column] - path_m).abs() <= cells[0]
-                    && (row[rate] - rate_m_s).abs() <= cells[1]
+    let cells = [2.0, 0.03 / (0.256 / times.len() as f64)];
+    let of_sub_cpi = times.iter().filter_map(|&(number, time_s)| {
+        let after_s = time_s - middle_s;
+        let (path_m, rate_m_s) = path(along_m, position_m, velocity_m_s, after_s);
+        let row = table.rows.iter().find(|row| {
+            table.at(row, "sub_cpi") == number
+                && (table.at(row, "path_m") - path_m).abs() <= cells[0]
+                && (table.at(row, "path_rate_m_s") - rate_m_s).abs() <= cells[1]
+        })?;
+        assert!(table.at(row, "snr_db") > 10.0, "{row:?}");
+        Some((after_s, row.as_slice()))
+    });
+    (of_sub_cpi.collect(), times.len())
+}
+
+#[test]
+fn three_movers_in_clutter_are_detected_within_a_cell() {
+    let table = detected(SCENE, "");
+    for mover in MOVERS {
+        let (found, sub_cpis) = named(&table, 0.0, mover);
+        assert_eq!(found.len(), sub_cpis, "{mover:?}");
+    }
+}
+
+/// Phases of a target at rest are equal in both channels, those of movers differ as their paths do: by the difference between the
+/// paths from both receivers to the mover and to the point at rest of equal path and rate.
+#[test]
+fn phases_of_two_channels_give_the_motion_of_the_target() {
+    let at_rest = ([-2.0, -7.0, 0.0], [0.0; 3]);
+    let scene = format!(
+        "{SCENE}{RECEIVERS}\n[[scene.mover]]\nkind = \"linear\"\nposition = \"-2, -7, 0 m\"\n\
+         velocity = \"0, 0, 0 m/s\"\ncross_section = \"10 m^2\"\n"
+    );
+    let table = detected(&scene, "--channels all");
+    for (position_m, velocity_m_s) in MOVERS.into_iter().chain([at_rest]) {
+        let (found, sub_cpis) = named(&table, ALONG_M[0], (position_m, velocity_m_s));
+        // Sub-CPIs of half as many pulses: speckle hides a target now and then.
+        assert!(
+            2 * found.len() > sub_cpis,
+            "{position_m:?}: {} of {sub_cpis}",
+            found.len()
+        );
+        for (after_s, row) in found {
+            let rest_m = ["x_m", "y_m", "z_m"].map(|name| table.at(row, name));
+            let extra_m = ALONG_M.map(|along_m| {
+                path(along_m, position_m, velocity_m_s, after_s).0
+                    - path(along_m, rest_m, [0.0; 3], after_s).0
             });
-            let named = named.unwrap_or_else(|| {
-                panic!("no detection of {position_m:?} in sub-CPI {number}: {path_m} {rate_m_s}\n{table}")
-            });
-            assert!(named[snr] > 10.0, "{named:?}");
+            let expected_rad = -TAU * 10e9 / 299_792_458.0 * (extra_m[1] - extra_m[0]);
+            let phases = ["phase_1_rad", "phase_2_rad"].map(|name| table.at(row, name));
+            let error_rad = phases[1] - phases[0] - expected_rad;
+            let error_rad = error_rad - TAU * (error_rad / TAU).round();
+            println!("{velocity_m_s:?}: {expected_rad:.3} rad, error {error_rad:.3}");
+            assert!(error_rad.abs() < 0.1, "{row:?}");
+            let powers = ["power_1_db", "power_2_db"].map(|name| table.at(row, name));
+            assert!((powers[1] - powers[0]).abs() < 1.0, "{row:?}");
         }
     }
 }

@@ -179,6 +179,7 @@ fn defmt_frames_contain_levels_and_typed_arguments() {
         id: 1,
         setup: Setup {
             num_pulses: 9999,
+            num_channels: 1,
             num_frequencies: 64,
             range_length: 64,
             doppler_length: 16384,

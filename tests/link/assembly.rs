@@ -44,6 +44,7 @@ fn header(map: u32) -> MapHeader {
     MapHeader {
         sub_cpi: map / 4,
         patch_index: (map % 4) as u16,
+        channel: 0,
         num_pulses: 64,
         patch: Patch {
             centre_m: [f64::from(map), 0.0, -1.0],
@@ -231,12 +232,12 @@ fn maps_larger_than_buffer_are_lost() {
     assert_eq!((causes, lost), (vec![LossCause::NoStart], u32::MAX));
 }
 
-/// The checksum is CRC-32 over the header's bytes, at most 157, and the rows. Computed here with another library and a
+/// The checksum is CRC-32 over the header's bytes, at most 160, and the rows. Computed here with another library and a
 /// header encoded field by field.
 #[test]
 fn checksum_matches_description() {
     let header = header(5);
-    let mut bytes = vec![1, 1, 64];
+    let mut bytes = vec![1, 1, 0, 64];
     bytes.extend([5.0f64, 0.0, -1.0].map(f64::to_le_bytes).concat());
     bytes.extend([20, 3]);
     bytes.extend([0.5f64, 1.5].map(f64::to_le_bytes).concat());

@@ -245,7 +245,7 @@ fn session(fixed: bool, frames: Vec<u8>, settings: Settings) -> (Outcome, BTreeS
 /// Geometry of the recording, with the weights of the scene.
 fn geometry<'a>(pulses: &[subaperture_core::Pulse], recording: &'a InMemory) -> PulseSource<'a> {
     let weights: Vec<f64> = pulses.iter().map(|pulse| pulse.weight.into()).collect();
-    PulseSource::from_front_end(recording, &weights).unwrap()
+    PulseSource::from_front_end(&[recording], &weights).unwrap()
 }
 
 /// Geometry that is lost on the line is sent again while its samples wait, and no sub-CPI is accumulated wrongly.

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use subaperture::module::accumulated::by_host_core;
 use subaperture::module::link::{
-    AccumulatedImage, Buffers, Counts, DetectionSink, HostCore, LinkError, Outcome, Session,
-    SessionObserver, Settings, SinkError, TransferEnd,
+    AccumulatedImage, Buffers, ChannelDetection, Counts, DetectionSink, HostCore, LinkError,
+    Outcome, Session, SessionObserver, Settings, SinkError, TransferEnd,
 };
 use subaperture::monitor::Silent;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
@@ -318,10 +318,15 @@ const CFAR: Cfar = Cfar {
 
 /// Received lists by sub-CPI and patch.
 #[derive(Default)]
-struct Lists(std::collections::BTreeMap<Key, Vec<Detection>>);
+struct Lists(std::collections::BTreeMap<Key, Vec<ChannelDetection>>);
 
 impl DetectionSink for Lists {
-    fn accept(&mut self, sub_cpi: u32, patch: u16, list: &[Detection]) -> Result<(), SinkError> {
+    fn accept(
+        &mut self,
+        sub_cpi: u32,
+        patch: u16,
+        list: &[ChannelDetection],
+    ) -> Result<(), SinkError> {
         let before = self.0.insert((sub_cpi, patch), list.to_vec());
         assert!(before.is_none(), "a list came twice");
         Ok(())
@@ -360,7 +365,14 @@ fn detections_over_a_faulty_line_are_those_of_the_core() {
             let mut columns = vec![Column::EMPTY; header.patch.num_range_bins()];
             let mut own = heapless::Vec::<Detection, 32>::new();
             CFAR.detect_in_map(&map, &mut columns, &mut own).unwrap();
-            assert_eq!(lists.0[&key], own.as_slice());
+            let own_values = own.iter().map(|detection| {
+                let (doppler_bin, range_bin) = detection.cell();
+                ChannelDetection {
+                    detection: *detection,
+                    values: vec![map.at(doppler_bin, range_bin)],
+                }
+            });
+            assert!(lists.0[&key].iter().cloned().eq(own_values));
             total += own.len();
         }
         assert!(total > MAPS, "{total}");

@@ -182,8 +182,8 @@ impl Transport for Updated {
         if self.written < 3000 {
             return Ok(count);
         }
-        // Version 3, number 300, no message: bytes with their checksum, stuffed by hand, without other zeros.
-        let body = [3, 44, 1, 1, 1];
+        // Version 4, number 300, no message: bytes with their checksum, stuffed by hand, without other zeros.
+        let body = [4, 44, 1, 1, 1];
         let crc = crc32fast::hash(&body).to_le_bytes();
         assert!(!crc.contains(&0));
         let frame = [&[0, 10], &body[..], &crc, &[0]].concat();
@@ -221,7 +221,7 @@ fn protocol_version_change_is_reported_and_work_counted() {
     let mut session = Session::open(&mut updated, &mut buffers, settings(), &mut Silent).unwrap();
     let reported = session.increments(&task, &mut Silent);
     assert!(
-        matches!(reported.ending, Err(LinkError::Version(3))),
+        matches!(reported.ending, Err(LinkError::Version(4))),
         "{:?}",
         reported.ending
     );

@@ -21,6 +21,7 @@ fn run(arithmetic: Arithmetic) -> Run {
         name: "a run \u{2713}".to_owned(),
         setup: Setup {
             num_pulses: 5,
+            num_channels: 1,
             num_frequencies: 3,
             range_length: 128,
             doppler_length: 11,
@@ -83,6 +84,7 @@ fn maps(arithmetic: Arithmetic) -> Vec<OwnedMap> {
                 header: MapHeader {
                     sub_cpi,
                     patch_index,
+                    channel: 0,
                     num_pulses: 4 + patch_index,
                     patch,
                     time_s: [place, place + 0.1],

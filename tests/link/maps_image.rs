@@ -41,7 +41,7 @@ impl<'a> Bench<'a> {
             room: ModuleCapacity::Ram { bytes: 1 << 20 },
             arithmetic: Arithmetic::Float,
         };
-        let plan = ModulePlan::new(collection, &grid, &requirements).unwrap();
+        let plan = ModulePlan::new(&[collection], &grid, &requirements).unwrap();
         let fast = fast_weights(&weights.fast);
         let maps = maps(history, &plan.setup, &plan.patches, &fast, &weights.slow);
         println!(
@@ -302,7 +302,7 @@ fn plans_fit_module_memory_or_report_least_memory() {
             room,
             arithmetic,
         };
-        ModulePlan::new(collection, &grid, &requirements)
+        ModulePlan::new(&[collection], &grid, &requirements)
     };
     let wide = plan(
         ModuleCapacity::Ram { bytes: 1 << 30 },

@@ -5,9 +5,9 @@ mod values;
 use proptest::prelude::*;
 use subaperture_core::cfar::Detection;
 use subaperture_core::link::{
-    Command, DETECTION_BYTES, EncodeError, Encoder, Encoding, LinkCounters, MAX_ACCUMULATED_BYTES,
-    MAX_ANTENNAS, MAX_DETECTIONS, MAX_TEXT_BYTES, Message, MotionConfiguration, Received, Receiver,
-    Report, Row, complex32s, detections, f32s, max_frame_bytes, max_received_bytes, row_bytes,
+    Command, EncodeError, Encoder, Encoding, LinkCounters, MAX_ACCUMULATED_BYTES, MAX_ANTENNAS,
+    MAX_LIST_BYTES, MAX_TEXT_BYTES, Message, MotionConfiguration, Received, Receiver, Report, Row,
+    complex32s, detection_bytes, detections, f32s, max_frame_bytes, max_received_bytes, row_bytes,
     sc16s, write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
 };
 use subaperture_core::stream::BlockFloat;
@@ -91,10 +91,10 @@ proptest! {
         payload in prop::collection::vec(any::<u8>(), 0..60),
     ) {
         let payload: Vec<u8> = std::iter::once(variant).chain(payload).collect();
-        let frame = framed(2, &[0, 0, 0, 0], &payload);
+        let frame = framed(3, &[0, 0, 0, 0], &payload);
         let mut buffer = [0; 100];
         for number in [0u32, 1] {
-            let frame = if number == 0 { frame.clone() } else { framed(2, &number.to_le_bytes(), &payload) };
+            let frame = if number == 0 { frame.clone() } else { framed(3, &number.to_le_bytes(), &payload) };
             let mut receiver = Receiver::new(&mut buffer);
             let _ = receiver.receive::<Command>(&mut frame.as_slice());
             let counters = *receiver.counters();
@@ -167,14 +167,14 @@ fn framed(version: u8, sequence: &[u8; 4], payload: &[u8]) -> Vec<u8> {
 fn other_protocol_version_is_counted() {
     let mut buffer = [0; 32];
     let mut receiver = Receiver::new(&mut buffer);
-    let wire = framed(3, &[0; 4], &[0]);
+    let wire = framed(4, &[0; 4], &[0]);
     let result = receiver.receive::<Command>(&mut wire.as_slice());
     let damage = result
         .expect("a frame's end")
         .expect_err("not of this version");
     assert_eq!(
         damage.to_string(),
-        "frame of protocol version 3: expected version 2"
+        "frame of protocol version 4: expected version 3"
     );
     assert_eq!(receiver.counters().version, 1);
     assert_eq!(receiver.counters().frames, 0);
@@ -196,7 +196,7 @@ fn longest_messages_fit_stated_sizes() {
         bytes: vec![0xA5; 8 * SAMPLES],
         text: "x".repeat(MAX_TEXT_BYTES),
     };
-    let list = [0xA5; MAX_DETECTIONS * DETECTION_BYTES];
+    let list = [0xA5; MAX_LIST_BYTES];
     let mut reports = full.reports();
     let long = u32::MAX;
     let short = u16::MAX;
@@ -206,6 +206,7 @@ fn longest_messages_fit_stated_sizes() {
         patch: short,
         first: short,
         total: short,
+        channels: short,
         list: &list,
     });
     let bits = [0xA5; MAX_ACCUMULATED_BYTES];
@@ -252,7 +253,7 @@ fn longest_messages_fit_stated_sizes() {
                 | Report::ChipPart { .. }
                 | Report::ProfileRow { .. }
                 | Report::Accumulated { .. }
-        ) || matches!(report, Report::Detections { list, .. } if list.len() > 160)
+        ) || matches!(report, Report::Detections { list, .. } if list.len() > MAX_LIST_BYTES)
     };
     let short_ones = reports.iter().filter(|report| !has_samples(report));
     for report in short_ones.chain([&accumulated]) {
@@ -295,8 +296,30 @@ fn detections_round_trip() {
             noise: 1.0e-9 * i as f32,
         })
         .collect();
-    let mut buffer = [0; 4 * DETECTION_BYTES + 1]; // one more, of no whole record
-    let len = write_detections(&sent, &mut buffer).unwrap().len();
-    assert_eq!(len, 4 * DETECTION_BYTES);
-    assert!(detections(&buffer).eq(sent));
+    let values: Vec<[Complex32; 3]> = (0..4)
+        .map(|i| [1.0, 2.0, 3.0].map(|c| Complex32::new(c, -(i as f32))))
+        .collect();
+    for channels in 0..=3 {
+        let bytes = 4 * detection_bytes(channels);
+        // One byte more, which is no whole record.
+        let mut buffer = vec![0; bytes + 1];
+        let written = write_detections(&sent, &values, channels, &mut buffer).unwrap();
+        assert_eq!(written.len(), bytes);
+        let read: Vec<(Detection, Vec<Complex32>)> = detections(&buffer, channels)
+            .map(|(detection, values)| (detection, values.collect()))
+            .collect();
+        let expected = sent.iter().zip(&values);
+        assert!(
+            read.into_iter()
+                .eq(expected
+                    .map(|(detection, values)| { (*detection, values[..channels].to_vec()) }))
+        );
+        assert_eq!(
+            write_detections(&sent, &values, channels, &mut buffer[1..bytes]),
+            None
+        );
+    }
+    let mut buffer = [0; 400];
+    assert_eq!(write_detections(&sent, &values, 4, &mut buffer), None);
+    assert_eq!(write_detections(&sent, &values[..3], 1, &mut buffer), None);
 }

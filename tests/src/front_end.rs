@@ -18,7 +18,7 @@ use subaperture_firmware::front_end::frame::{self, Order, frame_bytes};
 pub fn digitised(history: &dyn PhaseHistory) -> (InMemory, Vec<Vec<u8>>) {
     let collection = history.collection().clone();
     let weights = vec![1.0; collection.pulses.len()];
-    let mut pulses = PulseSource::new(history, &weights, Encoding::Sc16).unwrap();
+    let mut pulses = PulseSource::new(&[history], &weights, Encoding::Sc16).unwrap();
     let mut samples: Vec<Complex32> = Vec::new();
     let mut frames = Vec::new();
     for number in 0..pulses.len() {

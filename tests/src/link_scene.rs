@@ -140,7 +140,7 @@ pub fn job<'a>(scene: &Scene, recording: &'a InMemory, encoding: Encoding) -> Jo
         setup: scene.setup,
         fast_weights: scene.weights.clone(),
         patches: scene.patches.clone(),
-        pulses: PulseSource::new(recording, &weights, encoding).unwrap(),
+        pulses: PulseSource::new(&[recording], &weights, encoding).unwrap(),
     }
 }
 

@@ -38,6 +38,7 @@ pub fn maps(
                     header: MapHeader {
                         sub_cpi: number as u32,
                         patch_index: index as u16,
+                        channel: 0,
                         num_pulses: pulses.len() as u16,
                         patch,
                         time_s: [pulses[0].time_s, pulses[pulses.len() - 1].time_s],

@@ -93,6 +93,7 @@ impl Scene {
         let mut scene = Self {
             setup: Setup {
                 num_pulses,
+                num_channels: 1,
                 num_frequencies,
                 range_length,
                 doppler_length,

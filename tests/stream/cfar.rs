@@ -502,6 +502,7 @@ fn map_detections_match_those_of_its_power() {
     let header = MapHeader {
         sub_cpi: 0,
         patch_index: 0,
+        channel: 0,
         num_pulses: 8,
         patch: Patch {
             centre_m: [0.0; 3],

@@ -16,6 +16,7 @@ const F: usize = 32;
 /// 200 MHz about 10 GHz, bins half a resolution cell wide in both axes.
 const SETUP: Setup = Setup {
     num_pulses: 12,
+    num_channels: 1,
     num_frequencies: F as u16,
     range_length: 64,
     doppler_length: 24,
@@ -128,6 +129,7 @@ fn header_of(pulses: &[Pulse], patch: &Patch) -> MapHeader {
     MapHeader {
         sub_cpi: 0,
         patch_index: 0,
+        channel: 0,
         num_pulses: pulses.len() as u16,
         patch: *patch,
         time_s: [pulses[0].time_s, pulses[pulses.len() - 1].time_s],
@@ -363,6 +365,7 @@ fn at_rest(samples: &[Complex32], range_reach: u16) -> PatchMap<'_> {
         header: MapHeader {
             sub_cpi: 0,
             patch_index: 0,
+            channel: 0,
             num_pulses: 1,
             patch: Patch {
                 centre_m: [0.0, 1000.0, 0.0],

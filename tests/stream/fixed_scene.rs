@@ -84,6 +84,7 @@ impl Case {
     pub(crate) fn new(shape: Shape) -> Self {
         let setup = Setup {
             num_pulses: shape.pulses,
+            num_channels: 1,
             num_frequencies: shape.frequencies,
             range_length: shape.range_length,
             doppler_length: shape.doppler_length,
@@ -314,6 +315,7 @@ pub(crate) fn run(case: &Case) -> (Vec<Complex64>, Vec<u8>, u32) {
     let header = MapHeader {
         sub_cpi: 0,
         patch_index: 0,
+        channel: 0,
         num_pulses: case.setup.num_pulses,
         patch: case.patch,
         time_s: [0.0; 2],

@@ -2,6 +2,7 @@
 
 mod accumulate;
 mod cfar;
+mod channels;
 mod chip;
 mod features;
 mod fixed;

@@ -17,6 +17,7 @@ type Processor<'a> = SubCpiProcessor<'a, FloatEngine<'a>>;
 
 const SETUP: Setup = Setup {
     num_pulses: PULSES as u16,
+    num_channels: 1,
     num_frequencies: FREQUENCIES as u16,
     range_length: 4,
     doppler_length: 3,

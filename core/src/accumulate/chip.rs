@@ -55,6 +55,7 @@ pub type ChipKernel = Kernel<10, 64>;
 /// let header = MapHeader {
 ///     sub_cpi: 0,
 ///     patch_index: 0,
+///     channel: 0,
 ///     num_pulses: 1,
 ///     patch,
 ///     time_s: [0.0; 2],
@@ -65,6 +66,7 @@ pub type ChipKernel = Kernel<10, 64>;
 /// let map = PatchMap { header, samples: MapSamples::Float(&samples) };
 /// let setup = Setup {
 ///     num_pulses: 1,
+///     num_channels: 1,
 ///     num_frequencies: 2,
 ///     range_length: 4,
 ///     doppler_length: 2,

@@ -45,6 +45,15 @@ pub struct Detection {
     pub noise: f32,
 }
 
+impl Detection {
+    /// Nearest cell: Doppler bin and range bin, counted from the patch centre.
+    pub fn cell(&self) -> (i32, i32) {
+        let [doppler, range] =
+            [self.doppler_bin, self.range_bin].map(|bin| libm::roundf(bin) as i32);
+        (doppler, range)
+    }
+}
+
 /// Cell counts of one CFAR run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]

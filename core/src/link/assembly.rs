@@ -288,6 +288,7 @@ impl<'b, T: Copy> Transfer<'b, T> {
 /// let header = MapHeader {
 ///     sub_cpi: 4,
 ///     patch_index: 0,
+///     channel: 0,
 ///     num_pulses: 16,
 ///     patch: Patch { centre_m: [0.0; 3], range_reach: 1, doppler_reach: 0 },
 ///     time_s: [0.0, 1.0],

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 /// Version of the wire format, first byte of every frame. A changed message requires a new version. A message or
 /// refusal appended after the existing ones does not: an older peer counts its frame as malformed.
-pub const PROTOCOL_VERSION: u8 = 2;
+pub const PROTOCOL_VERSION: u8 = 3;
 
 /// Size of version and sequence number in bytes.
 pub(super) const HEAD_BYTES: usize = 5;

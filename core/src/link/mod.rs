@@ -11,7 +11,7 @@
 //!
 //! | offset | bytes | content |
 //! |---|---|---|
-//! | 0 | 1 | protocol version, [`PROTOCOL_VERSION`] = 2 |
+//! | 0 | 1 | protocol version, [`PROTOCOL_VERSION`] = 3 |
 //! | 1 | 4 | sequence number, little endian |
 //! | 5 | n | message, below |
 //! | 5 + n | 4 | CRC-32/ISO-HDLC (as in zlib) of all preceding bytes, little endian |
@@ -76,7 +76,7 @@
 //! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32`, left out `u32`, pixel encoding |
 //! | 6 | `ChipPart` | chip `u32`, part `u16`, samples `bytes` |
 //! | 7 | `ChipEnd` | chip `u32`, parts `u16`, crc `u32` |
-//! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
+//! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, channels `u16`, list `bytes` (16 + 8 channels each: range bin, Doppler bin, power, noise `f32`; then real, imaginary `f32` for each channel) |
 //! | 9 | `Refused` | sequence `u32`, refusal |
 //! | 10 | `Event` | event |
 //! | 11 | `Increment` | pulse `u32`, since `u32`, targets `u16`, echoes `u16`, motion, if any |
@@ -89,7 +89,7 @@
 //!
 //! | name | fields, or number and name of each variant |
 //! |---|---|
-//! | setup | pulses `u16`, frequencies `u16`, range length `u16`, Doppler length `u16`, start hertz `f64`, step hertz `f64` |
+//! | setup | pulses `u16`, channels `u16`, frequencies `u16`, range length `u16`, Doppler length `u16`, start hertz `f64`, step hertz `f64` |
 //! | patch | centre metres `[f64; 3]`, range reach `u16`, Doppler reach `u16` |
 //! | pulse | number `u32`, time seconds `f64`, transmitter metres `[f64; 3]`, receiver metres `[f64; 3]`, reference path metres `f64`, weight `f32` |
 //! | encoding | 0 `Complex32` (8 bytes a sample: real, imaginary `f32`), 1 `Sc16` (4 bytes a sample: real, imaginary 16-bit two's complement, little endian, in units of `2^-15`) |
@@ -110,14 +110,14 @@
 //! | state | 0 `Idle`, 1 `Ready`, 2 `Running`, 3 `Finishing`, 4 `Done` |
 //! | link counters | frames, corrupt, malformed, too long, version, lost, repeated, `u32` each |
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
-//! | header | sub-CPI `u32`, patch index `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
+//! | header | sub-CPI `u32`, patch index `u16`, channel `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
 //! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
-//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error, 14 `SubCpis` wanted `u32` most `u32` |
+//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error, 14 `SubCpis` wanted `u32` most `u32`, 15 `Channels` wanted `u16` most `u16` |
 //! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `TrackerSettings`, 7 `Channels` most `u16`, 8 `Array` |
 //! | sweep error | 0 `Size` sweep quantity, wanted `u32`, least `u32`, most `u32`; 1 `NoPowerOfTwo` `u16`; 2 `Band`; 3 `NotFinite` |
 //! | sweep quantity | 0 carriers, 1 samples a period, 2 samples a burst, 3 bins, 4 weights |
 //! | setup error | 0 `Size` quantity, wanted `u32`, most `u32`; 1 `RangeLength` `u16`; 2 `DopplerLength` `u16`; 3 `Band`; 4 `NotFinite` |
-//! | quantity | 0 pulses, 1 frequencies, 2 weights, 3 range length, 4 range gate, 5 Doppler band, 6 map, 7 patches |
+//! | quantity | 0 pulses, 1 frequencies, 2 weights, 3 range length, 4 range gate, 5 Doppler band, 6 map, 7 patches, 8 channels |
 //!
 //! A map row has `2 range_reach + 1` samples in ascending order. In `Sc16` they are mantissas, followed by one signed
 //! byte per 32 samples or part thereof: the exponent of two that scales these mantissas. A map has
@@ -154,6 +154,9 @@
 //!   `Status` counts accepted and rejected pulses. The module also sends it unrequested whenever the credit grows. The
 //!   host sends only pulses with numbers below `accept_through`. Credit is absolute: the next `Status` replaces a lost
 //!   one, and a lost pulse returns no credit. A host that waits for credit requests `Status`.
+//! - Channels: with several channels in the setup, each channel of pulse `m` is sent as a pulse of its own, numbered
+//!   `m C + c`; credit, counters and runs count these. Targets are detected on the map of channel 0. Each detection
+//!   has the value of every channel's map at the nearest cell. Maps and images are of one channel.
 //! - Front end: `StartFrontEnd` replaces `Start`, and `Geometry` replaces `Pulse`: the samples come from a front end of the
 //!   module. Geometry is accepted in the order of the pulses and ahead of their samples, as far as the credit; the next pulse
 //!   of `Status` is the next geometry. A pulse whose samples the front end loses is counted as lost. After `Stop` the run ends
@@ -181,7 +184,7 @@
 //!
 //! # Sizes
 //! A message without samples has at most [`MAX_MESSAGE_BYTES`]: a text has at most [`MAX_TEXT_BYTES`], a frame at most
-//! [`MAX_DETECTIONS`] detections, and weights are split over several messages. Buffers: [`max_received_bytes`] and
+//! [`MAX_LIST_BYTES`] of detections, and weights are split over several messages. Buffers: [`max_received_bytes`] and
 //! [`max_frame_bytes`] of the maximum number of samples in a message.
 //!
 //! **Tests**: `tests/link/frames.rs` (round trip and bytes of every message, every bit flipped, lines with bit
@@ -215,7 +218,7 @@ pub use report::{
     ProfileHeader, Refusal, Report, State, Status,
 };
 pub use samples::{
-    CHIP_PART_PIXELS, DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections,
+    CHIP_PART_PIXELS, MAX_ANTENNAS, MAX_LIST_BYTES, Row, complex32s, detection_bytes, detections,
     f32s, pairs, pixel_bytes, places, row_bytes, sc16s, write_block_row, write_complex32s,
     write_detections, write_f32s, write_map_row, write_pairs, write_pixels, write_places,
     write_sc16s,

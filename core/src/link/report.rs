@@ -110,7 +110,9 @@ pub enum Report<'a> {
         first: u16,
         /// Number of detections in the map's list.
         total: u16,
-        /// Detections, at most [`super::MAX_DETECTIONS`], strongest first ([`super::detections`]).
+        /// Number of channels whose values each detection has.
+        channels: u16,
+        /// Detections, at most [`super::MAX_LIST_BYTES`], strongest first ([`super::detections`]).
         #[serde(serialize_with = "super::as_bytes")]
         list: &'a [u8],
     },
@@ -351,6 +353,13 @@ pub enum Refusal {
         /// Maximum number of sub-CPIs.
         most: u32,
     },
+    /// More channels than the requested product is formed of.
+    Channels {
+        /// Requested number of channels.
+        wanted: u16,
+        /// Maximum number of channels: 1 for maps and images.
+        most: u16,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -391,6 +400,10 @@ impl fmt::Display for Refusal {
             Self::SubCpis { wanted, most } => write!(
                 f,
                 "sub-CPIs of an accumulated image: expected 1 to {most}, found {wanted}"
+            ),
+            Self::Channels { wanted, most } => write!(
+                f,
+                "channels: expected at most {most}, found {wanted}: maps and images are of one channel"
             ),
             Self::Motion(error) => write!(f, "invalid motion configuration: {error}"),
             Self::Antennas => write!(

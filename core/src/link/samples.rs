@@ -282,38 +282,68 @@ fn exponent_of(largest: f32) -> i8 {
     exponent.clamp(-126, 126) as i8
 }
 
-/// Maximum number of detections per frame.
-pub const MAX_DETECTIONS: usize = 10;
+/// Maximum number of bytes of detections per frame.
+pub const MAX_LIST_BYTES: usize = 160;
 
-/// Size of a detection in bytes.
-pub const DETECTION_BYTES: usize = 16;
+/// Size of a detection without its values in bytes.
+const BARE_BYTES: usize = 16;
 
-/// Read detections: range bin, Doppler bin, power and noise as float32.
-pub fn detections(bytes: &[u8]) -> impl ExactSizeIterator<Item = Detection> + Clone + '_ {
-    bytes.as_chunks::<DETECTION_BYTES>().0.iter().map(|record| {
-        let mut values = f32s(record);
-        let mut next = || values.next().unwrap_or(0.0);
-        Detection {
+/// Size of a detection in this many channels in bytes.
+pub const fn detection_bytes(channels: usize) -> usize {
+    Encoding::Complex32
+        .sample_bytes()
+        .saturating_mul(channels)
+        .saturating_add(BARE_BYTES)
+}
+
+/// Read detections in this many channels: range bin, Doppler bin, power and noise as float32, and the value of each channel's map.
+pub fn detections(
+    bytes: &[u8],
+    channels: usize,
+) -> impl ExactSizeIterator<
+    Item = (
+        Detection,
+        impl ExactSizeIterator<Item = Complex32> + Clone + '_,
+    ),
+> + Clone
++ '_ {
+    let records = bytes.chunks_exact(detection_bytes(channels));
+    records.map(|record| {
+        let (bare, values) = record.split_at_checked(BARE_BYTES).unwrap_or_default();
+        let mut numbers = f32s(bare);
+        let mut next = || numbers.next().unwrap_or(0.0);
+        let detection = Detection {
             range_bin: next(),
             doppler_bin: next(),
             power: next(),
             noise: next(),
-        }
+        };
+        (detection, complex32s(values))
     })
 }
 
-/// Write detections of [`DETECTION_BYTES`] each. `None` if the buffer is too short.
-pub fn write_detections<'b>(detections: &[Detection], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-    let places = buffer.get_mut(..detections.len().checked_mul(DETECTION_BYTES)?)?;
-    let (records, _) = places.as_chunks_mut::<DETECTION_BYTES>();
-    for (record, detection) in records.iter_mut().zip(detections) {
+/// Write detections with the first `channels` of their `values`, [`detection_bytes`] each. `None` if the buffer or a list is too
+/// short.
+pub fn write_detections<'b, const MAX: usize>(
+    detections: &[Detection],
+    values: &[[Complex32; MAX]],
+    channels: usize,
+    buffer: &'b mut [u8],
+) -> Option<&'b [u8]> {
+    let bytes = detection_bytes(channels);
+    let places = buffer.get_mut(..detections.len().checked_mul(bytes)?)?;
+    let values = values.get(..detections.len())?;
+    let records = places.chunks_exact_mut(bytes).zip(detections);
+    for ((record, detection), values) in records.zip(values) {
         let Detection {
             range_bin,
             doppler_bin,
             power,
             noise,
         } = *detection;
-        write_f32s(&[range_bin, doppler_bin, power, noise], record)?;
+        let (bare, rest) = record.split_at_mut_checked(BARE_BYTES)?;
+        write_f32s(&[range_bin, doppler_bin, power, noise], bare)?;
+        write_complex32s(values.get(..channels)?, rest)?;
     }
     Some(places)
 }

@@ -28,6 +28,7 @@ impl Scene {
         Self {
             setup: Setup {
                 num_pulses,
+                num_channels: 1,
                 num_frequencies,
                 range_length,
                 doppler_length,

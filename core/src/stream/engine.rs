@@ -12,7 +12,7 @@ pub struct Work<'a, S> {
     pub patch: &'a Patch,
     /// Fast-time window weights, one per frequency. They sum to 1.
     pub weights: &'a [f32],
-    /// Pulses of the sub-CPI, `M >= 1`.
+    /// Pulses of one channel in the sub-CPI, `M >= 1`.
     pub pulses: &'a [Pulse],
     /// Samples of all pulses, `[M][F]`, pulses outermost.
     pub samples: &'a [S],

@@ -56,6 +56,7 @@
 //! let mut processor = buffers.processor();
 //! let setup = Setup {
 //!     num_pulses: 8,
+//!     num_channels: 1,
 //!     num_frequencies: 16,
 //!     range_length: 32,
 //!     doppler_length: 16,

@@ -64,6 +64,8 @@ pub struct MapHeader {
     pub sub_cpi: u32,
     /// Index of the patch in the patch list.
     pub patch_index: u16,
+    /// Channel of the pulses, from 0.
+    pub channel: u16,
     /// Number of pulses `M` in this sub-CPI. The last sub-CPI of a run may have fewer than the others.
     pub num_pulses: u16,
     /// Patch that the map covers.

@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::engine::{Engine, Work};
 use super::sample::Sample;
-use super::stores::Store;
+use super::stores::{Store, row_of};
 use super::{
     Capacity, MapHeader, MapSamples, Patch, PatchMap, PulseCounters, Quantity, Setup, SetupError,
     nodes,
@@ -69,8 +69,9 @@ enum Stage {
 
 /// Streaming sub-CPI processor: stores pulses and forms the maps of every patch in steps of bounded duration.
 ///
-/// Pulses carry consecutive numbers below `u32::MAX`. Sub-CPI `n` of a run holds the pulses `n M .. (n + 1) M`.
-/// A sub-CPI with a missing pulse is discarded; the next one is unaffected.
+/// Pulses carry consecutive numbers below `u32::MAX`. Sub-CPI `n` of a run holds the pulses `n M C .. (n + 1) M C` of `C`
+/// channels, which take turns. A sub-CPI with a missing pulse is discarded; the next one is unaffected. Maps come patch by
+/// patch, and within a patch channel by channel.
 #[derive(Debug)]
 pub struct SubCpiProcessor<'a, E: Engine> {
     engine: E,
@@ -84,8 +85,9 @@ pub struct SubCpiProcessor<'a, E: Engine> {
     filling: usize,
     running: bool,
     next_pulse: u32,
-    /// Index of the patch being processed.
+    /// Index of the patch being processed, and of its channel.
     patch: usize,
+    channel: usize,
     stage: Stage,
     /// Header of the completed map.
     header: Option<MapHeader>,
@@ -164,6 +166,7 @@ where
             running: false,
             next_pulse: 0,
             patch: 0,
+            channel: 0,
             stage: Stage::Begin,
             header: None,
             counters: PulseCounters::default(),
@@ -288,6 +291,7 @@ where
         self.stores.iter_mut().for_each(Store::clear);
         self.filling = 0;
         self.patch = 0;
+        self.channel = 0;
         self.stage = Stage::Begin;
     }
 
@@ -307,7 +311,7 @@ where
         let Some(setup) = self.setup.filter(|_| self.running) else {
             return 0;
         };
-        let num_pulses = u32::from(setup.num_pulses).max(1);
+        let num_pulses = setup.numbers_per_sub_cpi().max(1);
         let free = self.stores.iter().filter(|store| !store.full).count() as u32;
         let begun = self.next_pulse - self.next_pulse % num_pulses;
         match free {
@@ -359,8 +363,7 @@ where
         } else {
             Ok(())
         };
-        let num_pulses = u32::from(setup.num_pulses).max(1);
-        let place = (pulse.number % num_pulses) as usize;
+        let place = (pulse.number % setup.numbers_per_sub_cpi().max(1)) as usize;
         let missing = pulse.number - self.next_pulse;
         self.next_pulse = next_pulse;
         self.counters.lost = self.counters.lost.saturating_add(missing);
@@ -378,8 +381,7 @@ where
             return Err(PulseError::Full);
         }
         // Compare numbers, not places: a gap of a whole number of sub-CPIs leads to the same place.
-        let last = store.count.checked_sub(1);
-        let follows = match last.and_then(|last| store.pulses.get(last)) {
+        let follows = match store.last_pulse(&setup) {
             Some(last) => last.number.wrapping_add(1) == pulse.number,
             None => place == 0,
         };
@@ -393,9 +395,10 @@ where
                 return Err(PulseError::Waiting);
             }
         }
-        let first = place * frequencies;
+        let index = row_of(&setup, place);
+        let first = index * frequencies;
         let row = store.samples.get_mut(first..first + frequencies);
-        let (Some(row), Some(kept)) = (row, store.pulses.get_mut(place)) else {
+        let (Some(row), Some(kept)) = (row, store.pulses.get_mut(index)) else {
             // Unreachable: store lengths were checked against the capacity, which bounds the setup.
             self.counters.dropped = self.counters.dropped.saturating_add(1);
             return Err(PulseError::Full);
@@ -409,24 +412,24 @@ where
         store.count = place + 1;
         self.counters.accepted = self.counters.accepted.saturating_add(1);
         self.counters.at_limit = self.counters.at_limit.saturating_add(at_limit);
-        if store.count == usize::from(setup.num_pulses) {
+        if store.count as u32 == setup.numbers_per_sub_cpi() {
             self.switch_stores();
         }
         Ok(())
     }
 
     /// End the input. A partly filled sub-CPI is processed as one of fewer pulses unless a pulse after its last one
-    /// is missing.
+    /// or a channel of that one is missing.
     pub fn finish(&mut self) {
         self.running = false;
-        let Some(store) = self.stores.get_mut(self.filling) else {
+        let (Some(setup), Some(store)) = (&self.setup, self.stores.get_mut(self.filling)) else {
             return;
         };
-        let last = store.count.checked_sub(1).filter(|_| !store.full);
-        let Some(last) = last.and_then(|last| store.pulses.get(last)) else {
+        let Some(last) = store.last_pulse(setup).filter(|_| !store.full) else {
             return;
         };
-        if last.number.wrapping_add(1) == self.next_pulse {
+        let follows = last.number.wrapping_add(1) == self.next_pulse;
+        if follows && store.count.is_multiple_of(setup.num_channels.into()) {
             self.switch_stores();
         } else {
             self.counters.incomplete = self.counters.incomplete.saturating_add(1);
@@ -456,7 +459,11 @@ where
         };
         if self.stage == Stage::Ready {
             self.stage = Stage::Begin;
-            self.patch += 1;
+            self.channel += 1;
+            if self.channel >= usize::from(setup.num_channels) {
+                self.channel = 0;
+                self.patch += 1;
+            }
             if self.patch >= self.num_patches {
                 self.patch = 0;
                 if let Some(store) = self.stores.get_mut(index) {
@@ -470,6 +477,7 @@ where
             self.patches.get(self.patch),
             self.weights,
             self.stores.get(index),
+            self.channel,
         ) else {
             return Progress::Idle;
         };
@@ -499,7 +507,7 @@ where
         if self.stage != Stage::Ready {
             return Progress::Busy;
         }
-        self.header = map_header(&work, self.patch);
+        self.header = map_header(&work, self.patch, self.channel);
         Progress::Map
     }
 
@@ -510,7 +518,8 @@ where
         }
         let setup = self.setup.as_ref()?;
         let store = self.stores.get(self.working()?);
-        let work = work(setup, self.patches.get(self.patch), self.weights, store)?;
+        let patch = self.patches.get(self.patch);
+        let work = work(setup, patch, self.weights, store, self.channel)?;
         let samples: MapSamples<'_> = self.engine.map(&work);
         Some(PatchMap {
             header: self.header?,
@@ -519,12 +528,13 @@ where
     }
 }
 
-/// Header of the map of a sub-CPI and a patch.
-fn map_header<S>(work: &Work<'_, S>, patch: usize) -> Option<MapHeader> {
+/// Header of the map of a sub-CPI, a patch and a channel.
+fn map_header<S>(work: &Work<'_, S>, patch: usize, channel: usize) -> Option<MapHeader> {
     let (first, last) = (work.pulses.first()?, work.pulses.last()?);
     Some(MapHeader {
-        sub_cpi: first.number / u32::from(work.setup.num_pulses).max(1),
+        sub_cpi: first.number / work.setup.numbers_per_sub_cpi().max(1),
         patch_index: patch as u16,
+        channel: channel as u16,
         num_pulses: work.pulses.len() as u16,
         patch: *work.patch,
         time_s: [first.time_s, last.time_s],
@@ -539,14 +549,16 @@ fn work<'w, S>(
     patch: Option<&'w Patch>,
     weights: &'w [f32],
     store: Option<&'w Store<'_, S>>,
+    channel: usize,
 ) -> Option<Work<'w, S>> {
-    let store = store?;
-    let len = store.count * usize::from(setup.num_frequencies);
+    let (store, frequencies) = (store?, usize::from(setup.num_frequencies));
+    let first = channel * usize::from(setup.num_pulses);
+    let end = first + store.count.checked_div(setup.num_channels.into())?;
     Some(Work {
         setup,
         patch: patch?,
         weights: weights.get(..usize::from(setup.num_frequencies))?,
-        pulses: store.pulses.get(..store.count)?,
-        samples: store.samples.get(..len)?,
+        pulses: store.pulses.get(first..end)?,
+        samples: store.samples.get(first * frequencies..end * frequencies)?,
     })
 }

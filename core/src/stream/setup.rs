@@ -12,6 +12,9 @@ use crate::fft;
 pub struct Setup {
     /// Pulses per sub-CPI, `M >= 1`.
     pub num_pulses: u16,
+    /// Channels per pulse, `C >= 1`. Each channel of pulse `m` is pushed as a pulse of its own, numbered `m C + c`, with the
+    /// antennas of that channel. A store holds `M C` of them.
+    pub num_channels: u16,
     /// Frequencies per pulse, `F >= 1`.
     pub num_frequencies: u16,
     /// Length of the range transform, `R`: a power of two from 2 to 4096, at least `F`. The range bin spacing is
@@ -30,7 +33,7 @@ pub struct Setup {
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Capacity {
-    /// Maximum pulses per sub-CPI.
+    /// Maximum pulses per sub-CPI, counted once per channel.
     pub pulses: u16,
     /// Maximum frequencies per pulse, and maximum range bins of a patch.
     pub frequencies: u16,
@@ -88,12 +91,19 @@ pub enum Quantity {
     Map,
     /// Number of patches.
     Patches,
+    /// Channels per pulse, which share the store of a sub-CPI.
+    Channels,
 }
 
 impl Setup {
     /// Reference frequency in hertz: the frequency of sample `F / 2`.
     pub fn centre_hz(&self) -> f64 {
         self.start_hz + f64::from(self.num_frequencies / 2) * self.step_hz
+    }
+
+    /// Pulse numbers per sub-CPI, `M C`.
+    pub fn numbers_per_sub_cpi(&self) -> u32 {
+        u32::from(self.num_pulses) * u32::from(self.num_channels)
     }
 
     /// Samples per row of the map buffer while `patch` is processed: `max(F, 2 range_reach + 1)`.
@@ -112,6 +122,8 @@ impl Setup {
     /// See [`SetupError`].
     pub fn check(&self, capacity: &Capacity) -> Result<(), SetupError> {
         within(Quantity::Pulses, self.num_pulses, capacity.pulses)?;
+        let most = capacity.pulses / self.num_pulses.max(1);
+        within(Quantity::Channels, self.num_channels, most)?;
         within(
             Quantity::Frequencies,
             self.num_frequencies,
@@ -192,6 +204,7 @@ impl fmt::Display for SetupError {
                     Quantity::DopplerBand => "Doppler bins of a patch",
                     Quantity::Map => "samples of a patch's map buffer",
                     Quantity::Patches => "patches",
+                    Quantity::Channels => "channels with this many pulses per sub-CPI",
                 };
                 write!(f, "{what}: expected 1 to {most}, found {wanted}")
             }

@@ -1,9 +1,9 @@
 //! Pulse stores of the stream processor.
 
-use super::Sample;
+use super::{Sample, Setup};
 use crate::Pulse;
 
-/// Store of the raw pulses of one sub-CPI.
+/// Store of the raw pulses of one sub-CPI, channel by channel: `[C][M]` rows of samples.
 #[derive(Debug)]
 pub struct Store<'a, S> {
     pub(super) samples: &'a mut [S],
@@ -26,10 +26,22 @@ impl<'a, S> Store<'a, S> {
         }
     }
 
+    /// Pulse stored last.
+    pub(super) fn last_pulse(&self, setup: &Setup) -> Option<&Pulse> {
+        let last = self.count.checked_sub(1)?;
+        self.pulses.get(row_of(setup, last))
+    }
+
     pub(super) fn clear(&mut self) {
         self.count = 0;
         self.full = false;
     }
+}
+
+/// Row of the pulse that was pushed as number `place` of its sub-CPI.
+pub(super) fn row_of(setup: &Setup, place: usize) -> usize {
+    let channels = usize::from(setup.num_channels).max(1);
+    place % channels * usize::from(setup.num_pulses) + place / channels
 }
 
 /// Two pulse stores with samples of type `S`, statically sized.

@@ -2,12 +2,12 @@
 
 use subaperture_core::Pulse;
 use subaperture_core::link::{self, Command, Event, Refusal, State, f32s};
-use subaperture_core::stream::{Patch, PulseError};
+use subaperture_core::stream::{Patch, PulseError, Setup};
 
 use super::module::Module;
 use super::transfer::Transfer;
 use crate::engine::WireEngine;
-use crate::products::Products;
+use crate::products::{CHANNELS, Products};
 
 impl<E: WireEngine> Module<'_, E> {
     pub(super) fn execute(&mut self, sequence: u32, command: &Command<'_>) {
@@ -57,8 +57,8 @@ impl<E: WireEngine> Module<'_, E> {
                 Ok(())
             }
             Command::Chip(grid) => {
-                let sub_cpis = self.sub_cpis();
-                self.add_product(|products| products.set_chip(&grid, sub_cpis))
+                let (sub_cpis, channels) = (self.sub_cpis(), self.channels());
+                self.add_product(|products| products.set_chip(&grid, sub_cpis, channels))
             }
             Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
             Command::Motion(configuration) => self.configure_increments(&configuration),
@@ -115,6 +115,16 @@ impl<E: WireEngine> Module<'_, E> {
             return Err(Refusal::Running);
         }
         let setup = &configuration.setup;
+        let most = match configuration.send_maps {
+            true => 1,
+            false => CHANNELS as u16,
+        };
+        if setup.num_channels > most {
+            return Err(Refusal::Channels {
+                wanted: setup.num_channels,
+                most,
+            });
+        }
         self.processor.configure(setup).map_err(Refusal::Setup)?;
         self.increments.clear();
         self.profiles.clear();
@@ -132,8 +142,14 @@ impl<E: WireEngine> Module<'_, E> {
 
     /// Number of sub-CPIs of all runs; 0 if unknown.
     fn sub_cpis(&self) -> u32 {
-        let pulses = self.processor.setup().map_or(1, |setup| setup.num_pulses);
-        self.total_pulses.div_ceil(u32::from(pulses).max(1))
+        let setup = self.processor.setup();
+        let pulses = setup.map_or(1, Setup::numbers_per_sub_cpi);
+        self.total_pulses.div_ceil(pulses.max(1))
+    }
+
+    /// Number of channels of the configuration.
+    pub(super) fn channels(&self) -> u16 {
+        self.processor.setup().map_or(1, |setup| setup.num_channels)
     }
 
     /// Whether the current configuration produces maps.

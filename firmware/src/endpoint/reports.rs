@@ -1,7 +1,7 @@
 //! Reports to the host, one frame at a time.
 
 use subaperture_core::link::{
-    self, DETECTION_BYTES, Encoder, MAX_DETECTIONS, Report, State, Status, TransferChecksum,
+    self, Encoder, MAX_LIST_BYTES, Report, State, Status, TransferChecksum, detection_bytes,
     write_detections, write_map_row,
 };
 
@@ -161,18 +161,21 @@ impl<E: WireEngine> Module<'_, E> {
         let Some(map) = self.processor.map() else {
             return Transfer::Nothing;
         };
-        let all = &self.products.detections;
+        let (all, channels) = (&self.products.detections, self.channels());
         let rest = all.get(first..).unwrap_or(&[]);
+        let values = self.products.values.get(first..).unwrap_or(&[]);
         // A short row buffer holds fewer detections.
-        let most = MAX_DETECTIONS.min(self.row.len() / DETECTION_BYTES).max(1);
+        let bytes = MAX_LIST_BYTES.min(self.row.len());
+        let most = (bytes / detection_bytes(channels.into())).max(1);
         let now = rest.get(..most).unwrap_or(rest);
-        if let Some(list) = write_detections(now, self.row) {
+        if let Some(list) = write_detections(now, values, channels.into(), self.row) {
             let report = Report::Detections {
                 map: self.maps.saturating_sub(1),
                 sub_cpi: map.header.sub_cpi,
                 patch: map.header.patch_index,
                 first: first as u16,
                 total: all.len() as u16,
+                channels,
                 list,
             };
             self.pending = send(&mut self.encoder, self.frame, &report);

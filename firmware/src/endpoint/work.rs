@@ -1,7 +1,7 @@
 //! Order of work.
 
 use subaperture_core::link::State;
-use subaperture_core::stream::{MapHeader, Progress};
+use subaperture_core::stream::{MapHeader, Progress, Setup};
 
 use super::module::Module;
 use super::transfer::Transfer;
@@ -49,10 +49,12 @@ impl<E: WireEngine> Module<'_, E> {
 
     /// Whether the sub-CPI of a map has all its pulses, or the number of pulses is unknown.
     fn is_whole(&self, header: &MapHeader) -> bool {
-        let most = self.processor.setup().map_or(0, |setup| setup.num_pulses);
-        let first = header.sub_cpi.saturating_mul(most.into());
+        let setup = self.processor.setup();
+        let most = setup.map_or(0, Setup::numbers_per_sub_cpi);
+        let first = header.sub_cpi.saturating_mul(most);
         let rest = self.total_pulses.saturating_sub(first);
-        self.total_pulses == 0 || u32::from(header.num_pulses) == rest.min(most.into())
+        let has = u32::from(header.num_pulses).saturating_mul(self.channels().into());
+        self.total_pulses == 0 || has == rest.min(most)
     }
 
     /// Do one step of the products of the current map, or start to send the results.
@@ -66,6 +68,10 @@ impl<E: WireEngine> Module<'_, E> {
             return;
         }
         self.products.end_map(&map.header);
+        if map.header.channel.saturating_add(1) < setup.num_channels {
+            // The maps of the other channels follow.
+            return;
+        }
         self.transfer = if self.send_maps {
             Transfer::MapStart
         } else {

@@ -365,19 +365,15 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Joined
     Joined::join(parts)
 }
 
-/// Open the coherent sum of channels (selected as by [`open_channels`]) of recordings that are joined channel by
-/// channel ([`Channels::join`]). A single channel is returned unchanged.
+/// Open channels (selected as by [`open_channels`]) of recordings that are joined channel by channel ([`Channels::join`]).
 ///
 /// # Errors
-/// As [`open_channels`], [`Channels::join`] and [`CoherentSum::new`]; [`ReadError::Mismatch`] if there are no recordings.
-pub fn open_sum<P: AsRef<Path>, S: AsRef<str>>(
+/// As [`open_channels`] and [`Channels::join`]; [`ReadError::Mismatch`] if there are no recordings.
+pub fn open_joined_channels<P: AsRef<Path>, S: AsRef<str>>(
     paths: &[P],
     channels: Option<&[S]>,
     options: &Options,
-) -> Result<Joined, ReadError> {
-    let Some(last) = paths.last() else {
-        return Err(ReadError::Mismatch("no input given".to_owned()));
-    };
+) -> Result<Channels<'static>, ReadError> {
     let mut left = *options;
     let mut recordings: Vec<Channels> = Vec::with_capacity(paths.len());
     for path in paths {
@@ -385,19 +381,43 @@ pub fn open_sum<P: AsRef<Path>, S: AsRef<str>>(
         left.memory_bytes = left.memory_bytes.saturating_sub(opened.held_bytes());
         recordings.push(opened);
     }
-    let check = |needed_bytes: u64, allowed_bytes: u64| match needed_bytes > allowed_bytes {
-        true => Err(ReadError::Memory {
+    check_memory(
+        paths,
+        Channels::joining_bytes(&recordings),
+        left.memory_bytes,
+    )?;
+    Channels::join(recordings)
+}
+
+/// Open the coherent sum of channels, opened as by [`open_joined_channels`]. A single channel is returned unchanged.
+///
+/// # Errors
+/// As [`open_joined_channels`] and [`CoherentSum::new`].
+pub fn open_sum<P: AsRef<Path>, S: AsRef<str>>(
+    paths: &[P],
+    channels: Option<&[S]>,
+    options: &Options,
+) -> Result<Joined, ReadError> {
+    let all = open_joined_channels(paths, channels, options)?;
+    let left_bytes = options.memory_bytes.saturating_sub(all.held_bytes());
+    check_memory(paths, CoherentSum::summing_bytes(&all), left_bytes)?;
+    Ok(Joined::alone(Box::new(all.coherent_sum()?)))
+}
+
+/// Check that recordings need no more than the allowed memory.
+fn check_memory<P: AsRef<Path>>(
+    paths: &[P],
+    needed_bytes: u64,
+    allowed_bytes: u64,
+) -> Result<(), ReadError> {
+    match paths.last() {
+        Some(last) if needed_bytes > allowed_bytes => Err(ReadError::Memory {
             path: last.as_ref().to_owned(),
             needed_bytes,
             allowed_bytes,
         }),
-        false => Ok(()),
-    };
-    check(Channels::joining_bytes(&recordings), left.memory_bytes)?;
-    let all = Channels::join(recordings)?;
-    let left_bytes = options.memory_bytes.saturating_sub(all.held_bytes());
-    check(CoherentSum::summing_bytes(&all), left_bytes)?;
-    Ok(Joined::alone(Box::new(all.coherent_sum()?)))
+        _ => Ok(()),
+    }
 }
 
 /// First bytes of a file, enough to recognise every format.

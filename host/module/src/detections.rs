@@ -10,12 +10,19 @@
 //! `f_ref` is the centre frequency. A target at rest lies where the path has this offset and this rate: two equations for the
 //! two coordinates in the grid's plane, solved by Newton's method from the patch centre. A moving target lies at another
 //! position of the same path, since its own path rate adds to that of the radar.
+//!
+//! **Channels.** The map of channel `c` is compensated to the patch centre with the antennas of `c`. A target at rest at the
+//! position `p` has the phase `-2 pi f_ref a_c(p) / c` there, `a_c` the path in channel `c` relative to the patch centre. This
+//! phase is removed, so that the phases of all channels are equal for a target at rest, apart from clutter, noise, and gain and
+//! phase of the receivers. They differ for a moving target, which is at another position than `p` (along-track interferometry).
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::DVec3;
 use subaperture_core::cfar::Detection;
 
+use crate::link::ChannelDetection;
 use crate::plan::ModulePlan;
 use subaperture_focus::sub_cpi::{self, SubCpi};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -31,8 +38,17 @@ const STEP_M: f64 = 0.01;
 /// Largest remaining error of a position in metres of path.
 const CLOSE_M: f64 = 1e-6;
 
-/// Detection with its position.
+/// Value of one channel's map at the cell of a detection.
 #[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChannelValue {
+    /// Power.
+    pub power: f32,
+    /// Phase in radians, without that of a target at rest at the position of the detection. `None` without a position.
+    pub phase_rad: Option<f64>,
+}
+
+/// Detection with its position.
+#[derive(Clone, Debug, PartialEq)]
 pub struct LocatedDetection {
     /// Sub-CPI of the map.
     pub sub_cpi: u32,
@@ -42,7 +58,9 @@ pub struct LocatedDetection {
     pub time_s: f64,
     /// Bins, power and noise.
     pub detection: Detection,
-    /// Two-way path in the middle of the sub-CPI in metres.
+    /// Values by channel, in the nearest cell.
+    pub channels: Vec<ChannelValue>,
+    /// Two-way path of channel 0 in the middle of the sub-CPI in metres.
     pub path_m: f64,
     /// Path rate in metres per second, that of the moving radar included. `None` for pulses without times.
     pub path_rate_m_s: Option<f64>,
@@ -52,53 +70,79 @@ pub struct LocatedDetection {
 
 /// Locator of the detections on the maps of a plan.
 pub struct Locator<'a> {
-    collection: &'a Collection,
+    channels: Vec<&'a Collection>,
     plan: &'a ModulePlan,
     sub_cpis: Vec<Range<usize>>,
     axes: [DVec3; 2],
 }
 
 impl<'a> Locator<'a> {
-    /// Create a locator for the maps of `plan`, made for this recording and grid.
-    pub fn new(collection: &'a Collection, grid: &ImageGrid, plan: &'a ModulePlan) -> Self {
+    /// Create a locator for the maps of `plan`, made for these channels and this grid.
+    pub fn new(channels: &[&'a Collection], grid: &ImageGrid, plan: &'a ModulePlan) -> Self {
         Self {
-            collection,
+            channels: channels.to_vec(),
             plan,
-            sub_cpis: sub_cpi::cut(collection.pulses.len(), &[], plan.setup.num_pulses.into()),
+            sub_cpis: sub_cpi::cut(plan.num_pulses, &[], plan.setup.num_pulses.into()),
             axes: [grid.x_axis, grid.y_axis],
         }
     }
 
     /// Locate the detections on a map. Empty if the plan has no such map.
-    pub fn locate(&self, sub_cpi: u32, patch: u16, list: &[Detection]) -> Vec<LocatedDetection> {
+    pub fn locate(
+        &self,
+        sub_cpi: u32,
+        patch: u16,
+        list: &[ChannelDetection],
+    ) -> Vec<LocatedDetection> {
         let setup = &self.plan.setup;
         let pulses = self.sub_cpis.get(sub_cpi as usize);
-        let (Some(pulses), Some(place)) = (pulses, self.plan.patches.get(usize::from(patch)))
-        else {
+        let (Some(pulses), Some(place), Some(collection)) = (
+            pulses,
+            self.plan.patches.get(usize::from(patch)),
+            self.channels.first(),
+        ) else {
             return Vec::new();
         };
-        let times = &self.collection.pulses[pulses.clone()];
+        let times = &collection.pulses[pulses.clone()];
         let [first_s, last_s] = [times[0].time_s, times[times.len() - 1].time_s];
         let interval_s = (last_s - first_s) / (times.len().max(2) - 1) as f64;
-        let timed = self.collection.timed && interval_s > 0.0;
-        let track = SubCpi::new(self.collection, pulses.clone());
+        let timed = collection.timed && interval_s > 0.0;
+        let tracks: Vec<SubCpi> = self
+            .channels
+            .iter()
+            .map(|channel| SubCpi::new(channel, pulses.clone()))
+            .collect();
+        let track = &tracks[0];
         let centre_m = DVec3::from(place.centre_m);
         let (centre_path_m, centre_rate_m) = track.path_and_rate(centre_m);
         let range_m = SPEED_OF_LIGHT_M_S / (f64::from(setup.range_length) * setup.step_hz);
         let rate_m = SPEED_OF_LIGHT_M_S / (f64::from(setup.doppler_length) * setup.centre_hz());
-        let located = list.iter().map(|detection| {
+        let located = list.iter().map(|ChannelDetection { detection, values }| {
             let wanted = (
                 f64::from(detection.range_bin) * range_m,
                 -f64::from(detection.doppler_bin) * rate_m,
             );
+            let position_m = self.position(track, centre_m, wanted);
+            let channels = values
+                .iter()
+                .zip(&tracks)
+                .map(|(value, track)| ChannelValue {
+                    power: value.norm_sqr(),
+                    phase_rad: position_m.map(|position_m| {
+                        let (a, _) = track.line(&track.datum(centre_m), position_m);
+                        let rest_rad = -TAU * (a * setup.centre_hz() / SPEED_OF_LIGHT_M_S);
+                        wrapped(f64::from(value.arg()) - rest_rad)
+                    }),
+                });
             LocatedDetection {
                 sub_cpi,
                 patch,
                 time_s: (first_s + last_s) / 2.0,
                 detection: *detection,
+                channels: channels.collect(),
                 path_m: centre_path_m + wanted.0,
                 path_rate_m_s: timed.then(|| (centre_rate_m + wanted.1) / interval_s),
-                position_m: self.position(&track, centre_m, wanted),
+                position_m: position_m.map(|position_m| position_m.to_array()),
             }
         });
         located.collect()
@@ -110,7 +154,7 @@ impl<'a> Locator<'a> {
         track: &SubCpi,
         centre_m: DVec3,
         (path_m, rate_m): (f64, f64),
-    ) -> Option<[f64; 3]> {
+    ) -> Option<DVec3> {
         let datum = track.datum(centre_m);
         let mut point = centre_m;
         for _ in 0..STEPS {
@@ -136,6 +180,12 @@ impl<'a> Locator<'a> {
             }
         }
         let (a, _) = track.line(&datum, point);
-        ((a - path_m).abs() <= CLOSE_M).then(|| point.to_array())
+        ((a - path_m).abs() <= CLOSE_M).then_some(point)
     }
+}
+
+/// Phase within half a cycle of zero, in radians.
+fn wrapped(phase_rad: f64) -> f64 {
+    let cycles = phase_rad / TAU;
+    TAU * (cycles - cycles.round())
 }

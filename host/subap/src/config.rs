@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use subaperture::convention::INFERENCE;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::OutputClaims;
-use subaperture::io::open::{Options, open_all, open_sum};
+use subaperture::io::open::{Options, open_all, open_joined_channels, open_sum};
 use subaperture::module::plan::ModuleProduct;
 use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
@@ -122,11 +122,35 @@ impl Session {
             Some(several) => open_sum(&input.files, several.named(), &options)?,
         };
         reading.finish();
-        for warning in history.warnings() {
-            messages::warning(warning);
-        }
-        note_inferred(&history);
+        report_reading(&history);
         Ok(history)
+    }
+
+    /// Open the channels that an embedded module processes for this product: one, or several for detections.
+    pub(crate) fn open_for_module(
+        &self,
+        input: &args::Input,
+        product: ModuleProduct,
+    ) -> anyhow::Result<Vec<Box<dyn PhaseHistory>>> {
+        let Some(several) = &input.channels else {
+            return Ok(vec![Box::new(self.open(input)?)]);
+        };
+        if product != ModuleProduct::Detections {
+            input.refuse_several(&format!("--send {}", product.name()))?;
+        }
+        let options = Options {
+            channel: None,
+            memory_bytes: self.memory_bytes,
+            settings: &input.set,
+            inference: Some(INFERENCE),
+        };
+        let reading = self.progress("reading");
+        let channels = open_joined_channels(&input.files, several.named(), &options)?;
+        reading.finish();
+        report_reading(channels.channel(0));
+        Ok((channels.into_inner().into_iter())
+            .map(|(_, history)| history)
+            .collect())
     }
 
     /// Start the claims on output files of a command that reads `inputs`. Claims last until the command ends.
@@ -229,6 +253,14 @@ fn no_threads(requested: Option<usize>) -> String {
     }
     let count = std::thread::available_parallelism().map_or(1, usize::from);
     format!("cannot start {count} worker threads, one per processor: give fewer with --threads")
+}
+
+/// Print the warnings and the inferred properties of a recording.
+pub(crate) fn report_reading(history: &dyn PhaseHistory) {
+    for warning in history.warnings() {
+        messages::warning(warning);
+    }
+    note_inferred(history);
 }
 
 /// Note the inferred sign and reference of the phase.

@@ -53,8 +53,11 @@ impl Came {
     }
 }
 
+/// Detection and the values of its channels.
+pub(crate) type Target = (Detection, Vec<Complex32>);
+
 /// Frame of detections: map, sub-CPI, patch, index of the first, total number, detections.
-pub(crate) type Listed = (u32, u32, u16, u16, u16, Vec<Detection>);
+pub(crate) type Listed = (u32, u32, u16, u16, u16, Vec<Target>);
 
 /// Odometer of the test modules.
 pub(crate) type BenchOdometer = Odometer<8, 4, 64, 256>;
@@ -216,9 +219,12 @@ impl<E: WireEngine + 'static> Bench<E> {
                     patch,
                     first,
                     total,
+                    channels,
                     list,
                 } => {
-                    let list = detections(list).collect();
+                    let list = detections(list, channels.into());
+                    let list = list.map(|(detection, values)| (detection, values.collect()));
+                    let list = list.collect();
                     self.detections
                         .push((map, sub_cpi, patch, first, total, list));
                 }
@@ -320,7 +326,8 @@ impl<E: WireEngine + 'static> Bench<E> {
         }
         assert_eq!(status.pulses.accepted as usize, scene.pulses.len());
         assert_eq!(status.pulses.saturated, 0);
-        let sub_cpis = scene.pulses.len().div_ceil(scene.setup.num_pulses.into());
+        let numbers = scene.setup.numbers_per_sub_cpi() as usize;
+        let sub_cpis = scene.pulses.len().div_ceil(numbers);
         assert_eq!(status.maps as usize, sub_cpis * scene.patches.len());
     }
 

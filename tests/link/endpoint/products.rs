@@ -7,11 +7,12 @@
 use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
+use subaperture_core::Pulse;
 use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
 use subaperture_core::link::{
-    CHIP_PART_PIXELS, ChipGrid, Command, Encoding, MAX_DETECTIONS, Refusal, Row, State,
-    write_pixels,
+    CHIP_PART_PIXELS, ChipGrid, Command, Configuration, Encoding, MAX_LIST_BYTES, Refusal, Row,
+    State, detection_bytes, write_pixels,
 };
 use subaperture_core::stream::{FloatBuffers, Setup};
 use subaperture_firmware::engine::WireEngine;
@@ -19,8 +20,8 @@ use subaperture_firmware::products::DETECTIONS;
 use subaperture_tests::stream_scene::{Scene, patch, relative_error_db};
 
 use super::bench::{
-    Bench, CHIP, Came, F, Listed, M, R, ROWS, SMALL_CHIP, SPEED_OF_LIGHT_M_S, cfar, fixed, float,
-    scene,
+    Bench, CHIP, Came, F, Listed, M, R, ROWS, SMALL_CHIP, SPEED_OF_LIGHT_M_S, Target, cfar, fixed,
+    float, scene,
 };
 
 /// Exact sum at every pixel of `CHIP`.
@@ -239,9 +240,12 @@ fn abort_completes_a_partly_added_sub_cpi() {
     assert_eq!(lists.len(), 2, "both outcomes occur");
 }
 
+/// Maximum number of detections of one channel per frame.
+const MAX_DETECTIONS: usize = MAX_LIST_BYTES / detection_bytes(1);
+
 /// Detection lists reassembled from their frames, one per map.
-fn lists(frames: &[Listed], most: usize) -> Vec<(u32, u16, Vec<Detection>)> {
-    let mut lists: Vec<(u32, u16, Vec<Detection>)> = Vec::new();
+fn lists(frames: &[Listed], most: usize) -> Vec<(u32, u16, Vec<Target>)> {
+    let mut lists: Vec<(u32, u16, Vec<Target>)> = Vec::new();
     for (map, sub_cpi, patch, first, total, list) in frames {
         if *first == 0 {
             assert_eq!(*map as usize, lists.len(), "a list a map, in order");
@@ -249,7 +253,7 @@ fn lists(frames: &[Listed], most: usize) -> Vec<(u32, u16, Vec<Detection>)> {
         }
         let (_, _, whole) = lists.last_mut().unwrap();
         assert_eq!(usize::from(*first), whole.len());
-        whole.extend(list);
+        whole.extend(list.iter().cloned());
         let rest = usize::from(*total) - usize::from(*first);
         assert_eq!(list.len(), rest.min(most));
     }
@@ -274,10 +278,101 @@ fn check_detections<E: WireEngine + 'static>(
         let mut expected = heapless::Vec::<Detection, DETECTIONS>::new();
         cfar.detect_in_map(&map.view(), &mut columns, &mut expected)
             .unwrap();
-        assert_eq!(*list, expected.as_slice());
+        let expected = expected.iter().map(|detection| {
+            let (doppler_bin, range_bin) = detection.cell();
+            (*detection, vec![map.view().at(doppler_bin, range_bin)])
+        });
+        assert!(list.iter().cloned().eq(expected));
         counts.push(list.len());
     }
     counts
+}
+
+/// Two channels: the targets of the first, with the values of both maps.
+fn check_channels<E: WireEngine + 'static>(module: impl Fn() -> Bench<E>) {
+    const CHANNELS: usize = 2;
+    let mut scene = scene();
+    scene.setup.num_pulses = (M / CHANNELS) as u16;
+    let many = cfar(0.5);
+    let alone: Vec<Bench<E>> = (0..CHANNELS)
+        .map(|channel| {
+            let of_channel = |n: &usize| n % CHANNELS == channel;
+            let places = (0..scene.pulses.len()).filter(of_channel);
+            let part = Scene {
+                setup: scene.setup,
+                weights: scene.weights.clone(),
+                patches: scene.patches.clone(),
+                pulses: (0..)
+                    .zip(places.clone())
+                    .map(|(number, n)| Pulse {
+                        number,
+                        ..scene.pulses[n]
+                    })
+                    .collect(),
+                samples: places.map(|n| scene.samples[n].clone()).collect(),
+            };
+            let mut bench = module();
+            bench.configure(&part);
+            assert_eq!(bench.send(&Command::Detect(many)), None);
+            bench.run(1, &part);
+            bench
+        })
+        .collect();
+
+    scene.setup.num_channels = CHANNELS as u16;
+    let mut both = module();
+    both.send_maps = false;
+    both.configure(&scene);
+    assert_eq!(both.send(&Command::Detect(many)), None);
+    both.run(1, &scene);
+    let most = MAX_LIST_BYTES / detection_bytes(CHANNELS);
+    let (together, expected) = (
+        lists(&both.detections, most),
+        lists(&alone[0].detections, MAX_DETECTIONS),
+    );
+    assert_eq!(together.len(), 8, "3.5 sub-CPIs, two patches");
+    assert_eq!(together.len(), expected.len());
+    for (map, ((sub_cpi, patch, list), first)) in together.iter().zip(&expected).enumerate() {
+        assert_eq!(
+            (sub_cpi, patch, list.len()),
+            (&first.0, &first.1, first.2.len())
+        );
+        for ((target, values), (alone_in_first, _)) in list.iter().zip(&first.2) {
+            assert_eq!(target, alone_in_first);
+            let (doppler_bin, range_bin) = target.cell();
+            let own = alone
+                .iter()
+                .map(|bench| bench.maps[map].view().at(doppler_bin, range_bin));
+            assert_eq!(*values, own.collect::<Vec<_>>());
+            assert_ne!(values[0], values[1]);
+        }
+    }
+
+    // Maps and images are of one channel, and no more than four channels are detected.
+    let chip = both.send(&Command::Chip(CHIP));
+    let refused = |wanted, most| Some(Refusal::Channels { wanted, most });
+    assert_eq!(chip, refused(2, 1));
+    let mut configure = |num_channels, send_maps| {
+        both.send(&Command::Configure(Configuration {
+            id: 6,
+            setup: Setup {
+                num_pulses: 1,
+                num_channels,
+                ..scene.setup
+            },
+            total_pulses: 28,
+            send_maps,
+        }))
+    };
+    assert_eq!(configure(2, true), refused(2, 1));
+    assert_eq!(configure(5, false), refused(5, 4));
+    assert_eq!(configure(4, false), None);
+}
+
+#[test]
+fn detections_have_the_values_of_every_channel() {
+    check_channels(float);
+    check_channels(fixed);
 }
 
 fn check_lists<E: WireEngine + 'static>(mut bench: Bench<E>) {
@@ -324,7 +419,7 @@ fn fixed_point_detections_match_received_maps() {
     check_lists(fixed());
 }
 
-/// A module whose row buffer holds 8 detections sends 8 per frame.
+/// A module whose row buffer of 128 bytes holds 5 detections sends 5 per frame.
 #[test]
 fn short_row_buffer_sends_fewer_detections_per_frame() {
     let buffers = Box::leak(Box::new(FloatBuffers::<M, 16, 32, ROWS, 1>::new()));
@@ -335,8 +430,8 @@ fn short_row_buffer_sends_fewer_detections_per_frame() {
     let many = cfar(0.5);
     assert_eq!(bench.send(&Command::Detect(many)), None);
     bench.run(1, &scene);
-    let counts = check_detections(&bench, &many, 8);
-    assert!(counts.iter().all(|count| *count > 8), "{counts:?}");
+    let counts = check_detections(&bench, &many, 5);
+    assert!(counts.iter().all(|count| *count > 5), "{counts:?}");
 }
 
 /// The strongest detection is the point, within a tenth of a bin of the position from its path.
@@ -356,7 +451,7 @@ fn check_point<E: WireEngine + 'static>(mut bench: Bench<E>) {
     let setup = &scene.setup;
     let range_bin = a * R as f64 * setup.step_hz / SPEED_OF_LIGHT_M_S;
     let doppler_bin = -b * 2.0 * M as f64 * setup.centre_hz() / SPEED_OF_LIGHT_M_S;
-    let strongest = bench.detections[0].5[0];
+    let strongest = bench.detections[0].5[0].0;
     println!("{strongest:?} for {range_bin:.2} {doppler_bin:.2}");
     assert!((f64::from(strongest.range_bin) - range_bin).abs() < 0.1);
     assert!((f64::from(strongest.doppler_bin) - doppler_bin).abs() < 0.1);

@@ -48,6 +48,7 @@ fn invalid_commands_are_refused_without_effect() {
     };
     let large = Setup {
         num_pulses: M as u16 + 1,
+        num_channels: 1,
         doppler_length: 18,
         ..setup
     };
@@ -340,10 +341,10 @@ fn frames_of_another_version_are_counted_and_ignored() {
     bench.settle();
     assert_eq!(bench.identities, 1, "the first word of a module");
     // A greeting, by its bytes.
-    bench.endpoint.receive(&framed(3, 0, 0));
+    bench.endpoint.receive(&framed(4, 0, 0));
     bench.settle();
     assert_eq!(bench.identities, 1);
-    bench.endpoint.receive(&framed(2, 0, 0));
+    bench.endpoint.receive(&framed(3, 0, 0));
     bench.settle();
     assert_eq!(bench.identities, 2);
     bench.send(&Command::Status);

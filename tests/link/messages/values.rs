@@ -124,6 +124,7 @@ impl Values {
                 id: self.long,
                 setup: Setup {
                     num_pulses: self.short,
+                    num_channels: 1,
                     num_frequencies: self.byte.into(),
                     range_length: !self.short,
                     doppler_length: 0,
@@ -231,6 +232,7 @@ impl Values {
             Quantity::DopplerBand,
             Quantity::Map,
             Quantity::Patches,
+            Quantity::Channels,
         ];
         let mut all = vec![
             Refusal::NotConfigured,
@@ -249,6 +251,10 @@ impl Values {
             },
             Refusal::Chip { wanted, most },
             Refusal::SubCpis { wanted, most },
+            Refusal::Channels {
+                wanted: self.short,
+                most: !self.short,
+            },
             Refusal::Detect,
             Refusal::Unsupported,
             Refusal::Antennas,
@@ -355,6 +361,7 @@ impl Values {
                 header: MapHeader {
                     sub_cpi: self.other,
                     patch_index: self.short,
+                    channel: 0,
                     num_pulses: !self.short,
                     patch: self.patch(),
                     time_s: [self.real, self.place_m[0]],
@@ -397,6 +404,7 @@ impl Values {
                 patch: self.short,
                 first: !self.short,
                 total: rows,
+                channels: self.short,
                 list: &self.bytes,
             },
             Report::ProfileStart {

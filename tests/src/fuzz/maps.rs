@@ -21,6 +21,7 @@ const MAX_READ: usize = 64;
 fn run_and_maps(arithmetic: Arithmetic) -> (Run, Vec<OwnedMap>) {
     let setup = Setup {
         num_pulses: 4,
+        num_channels: 1,
         num_frequencies: 16,
         range_length: 32,
         doppler_length: 8,

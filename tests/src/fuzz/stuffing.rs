@@ -44,7 +44,7 @@ fn stuffed(body: &[u8]) -> Vec<u8> {
 
 /// The numbered frame of a message.
 pub fn frame(sequence: u32, message: &[u8]) -> Vec<u8> {
-    let mut body = vec![2];
+    let mut body = vec![3];
     body.extend(sequence.to_le_bytes());
     body.extend(message);
     body.extend(crc32fast::hash(&body).to_le_bytes());

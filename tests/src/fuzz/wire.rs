@@ -295,8 +295,10 @@ fn hear_reports(wire: &[u8], piece: usize) -> Vec<String> {
             if let Ok(frame) = &frame {
                 let report = &frame.message;
                 again!(Report<'_>, report);
-                if let Report::Detections { list, .. } = report {
-                    assert!(detections(list).len() <= list.len());
+                if let Report::Detections { channels, list, .. } = report {
+                    let values =
+                        detections(list, (*channels).into()).map(|(_, values)| values.len());
+                    assert!(values.sum::<usize>() <= list.len());
                 }
                 if let Ok(Some(map)) = map.take(report) {
                     let patch = &map.header.patch;

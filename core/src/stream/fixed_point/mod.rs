@@ -48,7 +48,7 @@
 //! )?;
 //! // Samples of 1/2 from the patch centre at path 0: the map is 1/2 there.
 //! let setup = Setup {
-//!     num_pulses: 2, num_frequencies: 4, range_length: 4, doppler_length: 2,
+//!     num_pulses: 2, num_channels: 1, num_frequencies: 4, range_length: 4, doppler_length: 2,
 //!     start_hz: 1.0e9, step_hz: 1.0e6,
 //! };
 //! let patch = Patch { centre_m: [0.0; 3], range_reach: 0, doppler_reach: 0 };

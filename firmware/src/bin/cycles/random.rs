@@ -67,6 +67,7 @@ pub(crate) fn run(
         };
         let setup = Setup {
             num_pulses: num_pulses as u16,
+            num_channels: 1,
             num_frequencies: num_frequencies as u16,
             range_length: range_length as u16,
             doppler_length: doppler_length as u16,

@@ -23,6 +23,7 @@ use subaperture_firmware::sizes::{DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULS
 
 const SETUP: Setup = Setup {
     num_pulses: PULSES as u16,
+    num_channels: 1,
     num_frequencies: FREQUENCIES as u16,
     range_length: RANGE_BINS as u16,
     doppler_length: 2 * PULSES as u16,

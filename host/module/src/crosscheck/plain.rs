@@ -192,6 +192,7 @@ mod tests {
     fn scatterer_on_bin_fills_only_that_bin() {
         let setup = Setup {
             num_pulses: 8,
+            num_channels: 1,
             num_frequencies: 16,
             range_length: 16,
             doppler_length: 8,

@@ -42,6 +42,7 @@ pub(super) fn sizes(
     let doppler_length = 2 * num_pulses;
     let setup = Setup {
         num_pulses: num_pulses as u16,
+        num_channels: 1,
         num_frequencies: band.count as u16,
         range_length: range_length as u16,
         doppler_length: doppler_length as u16,
@@ -71,7 +72,7 @@ impl<'a> Core<'a> {
         (fast, slow): (&[f32], &[f64]),
         encoding: Encoding,
     ) -> Result<Self, FormError> {
-        let pulses = PulseSource::new(history, slow, encoding)?;
+        let pulses = PulseSource::new(&[history], slow, encoding)?;
         let scale = pulses.amplitude_scale();
         let job = Job {
             setup: *setup,

@@ -8,7 +8,7 @@ use subaperture_core::link::{ChipAssembly, Encoding, MapAssembly, Report, row_by
 use super::counts::Counts;
 use super::ending::LinkError;
 use super::job::Wanted;
-use super::products::{DetectionAssembly, Products};
+use super::products::{ChannelDetection, DetectionAssembly, Products};
 
 /// Reassembles products and passes the requested ones to their receiver, once each.
 ///
@@ -108,7 +108,9 @@ impl<'c> Intake<'c> {
                     return Ok(());
                 };
                 let key = (sub_cpi, patch);
-                if !self.wanted.has(key) {
+                let other =
+                    |found: &ChannelDetection| found.values.len() != self.wanted.num_channels;
+                if !self.wanted.has(key) || list.iter().any(other) {
                     counts.maps_refused += 1;
                     return Ok(());
                 }

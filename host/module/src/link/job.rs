@@ -4,7 +4,9 @@
 //! largest part of any sample is 32766 of 32768: the full range without the value that indicates clipping. Maps are too large
 //! by `scale`, and image formation divides by it.
 //!
-//! **Cost**: one pass over the recording to find the scale; 64 pulses in memory.
+//! **Channels.** With `C` channels, pulse `n` of channel `c` is sent as number `n C + c`, with the antennas of its channel.
+//!
+//! **Cost**: one pass over the recording to find the scale; 64 pulses of each channel in memory.
 
 use num_complex::Complex32;
 use subaperture_core::link::{Encoding, write_complex32s, write_sc16s};
@@ -21,7 +23,7 @@ const LARGEST: f32 = 32766.0 / 32768.0;
 
 /// Work of a module.
 pub struct Job<'a> {
-    /// Settings of the stream processor.
+    /// Settings of the stream processor, with as many channels as the pulses.
     pub setup: Setup,
     /// Fast-time window weights, one per frequency. They sum to 1.
     pub fast_weights: Vec<f32>,
@@ -39,19 +41,28 @@ impl<'a> Job<'a> {
 
     /// Maps expected from a job.
     pub(super) fn wanted(&self) -> Wanted<'a> {
+        let num_channels = self.pulses.channels.len();
+        assert_eq!(
+            usize::from(self.setup.num_channels),
+            num_channels,
+            "channels of the setup and of the pulses"
+        );
         Wanted {
-            num_pulses: u32::from(self.setup.num_pulses).max(1),
+            num_numbers: self.setup.numbers_per_sub_cpi().max(1),
+            num_channels,
             patches: self.patches.clone(),
-            pulses: &self.pulses.history.collection().pulses,
+            pulses: &self.pulses.channels[0].collection().pulses,
         }
     }
 }
 
 /// Expected maps: one per patch and sub-CPI.
 pub(super) struct Wanted<'a> {
-    /// Pulses per sub-CPI.
-    num_pulses: u32,
+    /// Pulse numbers per sub-CPI.
+    num_numbers: u32,
+    pub(super) num_channels: usize,
     pub(super) patches: Vec<Patch>,
+    /// Pulses of the first channel.
     pulses: &'a [phase_history::Pulse],
 }
 
@@ -59,7 +70,8 @@ impl Wanted<'_> {
     /// No expected maps, for a session without a job.
     pub(super) fn empty() -> Self {
         Self {
-            num_pulses: 1,
+            num_numbers: 1,
+            num_channels: 1,
             patches: Vec::new(),
             pulses: &[],
         }
@@ -67,7 +79,12 @@ impl Wanted<'_> {
 
     /// Number of sub-CPIs, including a last one with fewer pulses.
     pub(super) fn num_sub_cpis(&self) -> u32 {
-        (self.pulses.len() as u32).div_ceil(self.num_pulses)
+        self.end().div_ceil(self.num_numbers)
+    }
+
+    /// Number after that of the last pulse.
+    fn end(&self) -> u32 {
+        (self.pulses.len() * self.num_channels) as u32
     }
 
     /// Total number of maps.
@@ -77,13 +94,12 @@ impl Wanted<'_> {
 
     /// Number of the first pulse of sub-CPI `n`. Beyond the last one, the number of pulses.
     pub(super) fn first_pulse(&self, n: u32) -> u32 {
-        n.saturating_mul(self.num_pulses)
-            .min(self.pulses.len() as u32)
+        n.saturating_mul(self.num_numbers).min(self.end())
     }
 
     /// First sub-CPI that begins at or after pulse `number`.
     pub(super) fn sub_cpi_from(&self, number: u32) -> u32 {
-        number.div_ceil(self.num_pulses)
+        number.div_ceil(self.num_numbers)
     }
 
     /// Whether there is a map of this sub-CPI and patch.
@@ -91,7 +107,7 @@ impl Wanted<'_> {
         sub_cpi < self.num_sub_cpis() && usize::from(patch) < self.patches.len()
     }
 
-    /// Whether a map with this header is expected.
+    /// Whether a map with this header is expected. Maps are of one channel.
     pub(super) fn asks_for(&self, header: &MapHeader) -> bool {
         if header.sub_cpi >= self.num_sub_cpis() {
             return false;
@@ -107,32 +123,55 @@ impl Wanted<'_> {
 
 /// Pulses of a recording, encoded for the link.
 pub struct PulseSource<'a> {
-    history: &'a dyn PhaseHistory,
+    channels: Vec<&'a dyn PhaseHistory>,
     slow_weights: Vec<f32>,
     encoding: Encoding,
     /// Whether the samples come from the front end of the module, and the recording provides the geometry only.
     from_front_end: bool,
     scale: f32,
+    /// Samples of some pulses, `[channel][pulse]`, and the first and the number of these pulses.
     block: Vec<Complex32>,
     first: usize,
+    count: usize,
     bytes: Vec<u8>,
     clamped: u64,
 }
 
 impl<'a> PulseSource<'a> {
-    /// Create a source of pulses with slow-time weights, one per pulse. For [`Encoding::Sc16`] the recording is read once to find
-    /// its scale.
+    /// Create a source of the pulses of `channels`, which share their pulses ([`Channels`]), with slow-time weights, one per pulse.
+    /// For [`Encoding::Sc16`] the recording is read once to find its scale.
     ///
     /// # Errors
-    /// [`ReadError`] if the recording cannot be read, or the number of weights differs from the number of pulses.
+    /// [`ReadError`] if the recording cannot be read, there is no channel, channels differ in their number of pulses or samples,
+    /// or the number of weights differs from the number of pulses.
+    ///
+    /// [`Channels`]: subaperture_model::phase_history::Channels
     pub fn new(
-        history: &'a dyn PhaseHistory,
+        channels: &[&'a dyn PhaseHistory],
         slow_weights: &[f64],
         encoding: Encoding,
     ) -> Result<Self, ReadError> {
-        let collection = history.collection();
+        let sizes = |history: &dyn PhaseHistory| {
+            let collection = history.collection();
+            (collection.pulses.len(), collection.num_samples)
+        };
+        let Some(first) = channels.first() else {
+            return Err(ReadError::Mismatch("no channel given".to_owned()));
+        };
+        let collection = first.collection();
         let count = collection.pulses.len();
-        if slow_weights.len() != count || u32::try_from(count).is_err() {
+        for other in channels {
+            if sizes(*other) != sizes(*first) {
+                let ((count, samples), (other_count, other_samples)) =
+                    (sizes(*first), sizes(*other));
+                return Err(ReadError::Mismatch(format!(
+                    "{}: expected {count} pulses of {samples} samples as in the first channel, found {other_count} of \
+                     {other_samples}",
+                    other.collection().name
+                )));
+            }
+        }
+        if slow_weights.len() != count || u32::try_from(count * channels.len()).is_err() {
             return Err(ReadError::Mismatch(format!(
                 "{}: slow-time weights: expected one per pulse ({count}), found {}",
                 collection.name,
@@ -140,13 +179,14 @@ impl<'a> PulseSource<'a> {
             )));
         }
         let mut source = Self {
-            history,
+            channels: channels.to_vec(),
             slow_weights: slow_weights.iter().map(|&weight| weight as f32).collect(),
             encoding,
             from_front_end: false,
             scale: 1.0,
             block: Vec::new(),
             first: 0,
+            count: 0,
             bytes: vec![0; encoding.sample_bytes() * collection.num_samples],
             clamped: 0,
         };
@@ -172,13 +212,13 @@ impl<'a> PulseSource<'a> {
     /// per pulse. The samples of the recording are not read.
     ///
     /// # Errors
-    /// [`ReadError`] if the number of weights differs from the number of pulses.
+    /// As [`Self::new`].
     pub fn from_front_end(
-        history: &'a dyn PhaseHistory,
+        channels: &[&'a dyn PhaseHistory],
         slow_weights: &[f64],
     ) -> Result<Self, ReadError> {
         // In this encoding no scale is searched.
-        let source = Self::new(history, slow_weights, Encoding::Complex32)?;
+        let source = Self::new(channels, slow_weights, Encoding::Complex32)?;
         Ok(Self {
             encoding: Encoding::Sc16,
             from_front_end: true,
@@ -191,9 +231,14 @@ impl<'a> PulseSource<'a> {
         self.from_front_end
     }
 
-    /// Number of pulses.
+    /// Channels of the recording.
+    pub(super) fn channels(&self) -> &[&'a dyn PhaseHistory] {
+        &self.channels
+    }
+
+    /// Number of pulses, counted once per channel.
     pub fn len(&self) -> u32 {
-        self.slow_weights.len() as u32
+        (self.slow_weights.len() * self.channels.len()) as u32
     }
 
     /// Whether there are no pulses.
@@ -211,7 +256,7 @@ impl<'a> PulseSource<'a> {
         self.encoding
     }
 
-    /// Sum of the slow-time weights of all pulses.
+    /// Sum of the slow-time weights of all pulses of a channel.
     pub fn weight_sum(&self) -> f64 {
         self.slow_weights
             .iter()
@@ -224,15 +269,21 @@ impl<'a> PulseSource<'a> {
         self.clamped
     }
 
-    /// Read the block that begins with pulse `first`.
+    /// Read the block of all channels that begins with pulse `first`.
     fn load(&mut self, first: usize) -> Result<(), ReadError> {
-        let collection = self.history.collection();
+        let collection = self.channels[0].collection();
         let end = (first + BLOCK_PULSES).min(collection.pulses.len());
+        let each = (end - first) * collection.num_samples;
+        self.count = 0;
         self.block.clear();
         self.block
-            .resize((end - first) * collection.num_samples, Complex32::ZERO);
-        self.history.read(first..end, &mut self.block)?;
+            .resize(each * self.channels.len(), Complex32::ZERO);
+        let parts = self.block.chunks_exact_mut(each.max(1));
+        for (channel, part) in self.channels.iter().zip(parts) {
+            channel.read(first..end, part)?;
+        }
         self.first = first;
+        self.count = end - first;
         Ok(())
     }
 
@@ -244,8 +295,12 @@ impl<'a> PulseSource<'a> {
     /// # Panics
     /// Panics if `number` is out of range.
     pub fn pulse(&mut self, number: u32) -> Result<(Pulse, &[u8]), ReadError> {
-        let index = number as usize;
-        let about = &self.history.collection().pulses[index];
+        let (index, channel) = (
+            number as usize / self.channels.len(),
+            number as usize % self.channels.len(),
+        );
+        let collection = self.channels[channel].collection();
+        let about = &collection.pulses[index];
         let pulse = Pulse {
             number,
             time_s: about.time_s,
@@ -257,11 +312,11 @@ impl<'a> PulseSource<'a> {
         if self.from_front_end {
             return Ok((pulse, &[]));
         }
-        let width = self.history.collection().num_samples;
-        if !(self.first..self.first + self.block.len() / width.max(1)).contains(&index) {
+        let width = collection.num_samples;
+        if !(self.first..self.first + self.count).contains(&index) {
             self.load(index - index % BLOCK_PULSES)?;
         }
-        let start = (index - self.first) * width;
+        let start = (channel * self.count + index - self.first) * width;
         let samples = &self.block[start..start + width];
         let bytes = match self.encoding {
             Encoding::Complex32 => write_complex32s(samples, &mut self.bytes),

@@ -58,7 +58,9 @@ pub use increments::{MotionRun, Odometer};
 pub use job::{Job, PulseSource};
 pub use open::open;
 pub use place::{Firmware, ModuleAddress, ModuleAddressError};
-pub use products::{AccumulatedImage, DetectionSink, ImageRequest, ImageSum, MapSink, Request};
+pub use products::{
+    AccumulatedImage, ChannelDetection, DetectionSink, ImageRequest, ImageSum, MapSink, Request,
+};
 pub use profiles::{Profile, ProfileRun, Profiles, SweepBurst, SweepSource};
 pub use rehearsal::rehearse;
 pub use running_image::{MAX_WAITING, RunningImage};

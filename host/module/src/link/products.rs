@@ -82,6 +82,15 @@ impl MapSink for DiscardMaps {
     }
 }
 
+/// Detection as received: with the value of each channel's map at the nearest cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelDetection {
+    /// Detection on the map of channel 0.
+    pub detection: Detection,
+    /// Values by channel.
+    pub values: Vec<Complex32>,
+}
+
 /// Receiver of the detections of a module.
 pub trait DetectionSink {
     /// Accept all detections on the map of a patch in a sub-CPI, strongest first. Every list is passed once, in any order.
@@ -92,7 +101,7 @@ pub trait DetectionSink {
         &mut self,
         sub_cpi: u32,
         patch: u16,
-        detections: &[Detection],
+        detections: &[ChannelDetection],
     ) -> Result<(), SinkError>;
 }
 
@@ -145,7 +154,7 @@ impl AccumulatedImage {
 #[derive(Default)]
 pub(super) struct DetectionAssembly {
     map: Option<u32>,
-    list: Vec<Detection>,
+    list: Vec<ChannelDetection>,
     /// Number of complete lists, and of maps that the module reports.
     complete: u32,
     made: u32,
@@ -168,13 +177,14 @@ impl DetectionAssembly {
     }
 
     /// Process a report. Returns sub-CPI, patch and detections of a list that it completes.
-    pub(super) fn take(&mut self, report: &Report<'_>) -> Option<(u32, u16, &[Detection])> {
+    pub(super) fn take(&mut self, report: &Report<'_>) -> Option<(u32, u16, &[ChannelDetection])> {
         let Report::Detections {
             map,
             sub_cpi,
             patch,
             first,
             total,
+            channels,
             list,
         } = *report
         else {
@@ -188,7 +198,12 @@ impl DetectionAssembly {
             self.map = None;
             return None;
         }
-        self.list.extend(detections(list));
+        let list = detections(list, channels.into());
+        self.list
+            .extend(list.map(|(detection, values)| ChannelDetection {
+                detection,
+                values: values.collect(),
+            }));
         if self.list.len() < usize::from(total) {
             return None;
         }

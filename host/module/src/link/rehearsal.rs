@@ -11,12 +11,11 @@
 
 use std::time::{Duration, Instant};
 
-use subaperture_core::cfar::Detection;
 use subaperture_core::link::AssembledMap;
 
 use super::ending::{LinkError, SinkError, TransferEnd};
 use super::job::{Job, PulseSource};
-use super::products::{DetectionSink, MapSink, Request};
+use super::products::{ChannelDetection, DetectionSink, MapSink, Request};
 use super::session::{Session, SessionObserver};
 use subaperture_focus::forecast::Forecast;
 use subaperture_model::phase_history::{PhaseHistory, PulseRange};
@@ -40,7 +39,7 @@ impl MapSink for Clock {
 }
 
 impl DetectionSink for Clock {
-    fn accept(&mut self, sub_cpi: u32, _: u16, _: &[Detection]) -> Result<(), SinkError> {
+    fn accept(&mut self, sub_cpi: u32, _: u16, _: &[ChannelDetection]) -> Result<(), SinkError> {
         if let Some(came) = self.came.get_mut(sub_cpi as usize) {
             *came = Some(self.start.elapsed());
         }
@@ -48,15 +47,14 @@ impl DetectionSink for Clock {
     }
 }
 
-/// Process the first sub-CPIs of `job`, which is from `history`, on the module of `session`. `None` if maps were lost: the line is
-/// then too unreliable for a forecast.
+/// Process the first sub-CPIs of `job` on the module of `session`. `None` if maps were lost: the line is then too unreliable for a
+/// forecast.
 ///
 /// # Errors
 /// [`LinkError`] if the session fails.
 pub fn rehearse(
     session: &mut Session<'_>,
     job: &Job<'_>,
-    history: &dyn PhaseHistory,
     request: Request<'_>,
     watch: &mut dyn SessionObserver,
 ) -> Result<Option<Forecast>, LinkError> {
@@ -70,9 +68,14 @@ pub fn rehearse(
         Request::Image(_) => 1..SUB_CPIS + 1,
     };
     for sub_cpis in parts {
-        let all = history.collection().pulses.len();
-        let pulses = all.min(sub_cpis * usize::from(job.setup.num_pulses));
-        let first = PulseRange::new(history, 0..pulses);
+        let all = job.pulses.channels();
+        let pulses = all[0].collection().pulses.len();
+        let pulses = pulses.min(sub_cpis * usize::from(job.setup.num_pulses));
+        let first: Vec<PulseRange> = all
+            .iter()
+            .map(|channel| PulseRange::new(*channel, 0..pulses))
+            .collect();
+        let first: Vec<&dyn PhaseHistory> = first.iter().map(|part| part as _).collect();
         // Weights do not affect the time.
         let weights = vec![1.0; pulses];
         let mut part = Job {

@@ -7,6 +7,7 @@ pub(crate) fn header() -> MapHeader {
     MapHeader {
         sub_cpi: 0,
         patch_index: 0,
+        channel: 0,
         num_pulses: 1,
         patch: Patch {
             centre_m: [0.0; 3],

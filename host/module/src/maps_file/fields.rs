@@ -151,6 +151,7 @@ pub(super) fn run(payload: &[u8]) -> Parsed<Run> {
     let mut fields = Fields(payload);
     let setup = Setup {
         num_pulses: fields.u16()?,
+        num_channels: 1,
         num_frequencies: fields.u16()?,
         range_length: fields.u16()?,
         doppler_length: fields.u16()?,
@@ -245,6 +246,7 @@ pub(super) fn header(fields: &mut Fields) -> Parsed<MapHeader> {
     Ok(MapHeader {
         sub_cpi,
         patch_index,
+        channel: 0,
         num_pulses,
         patch,
         time_s,

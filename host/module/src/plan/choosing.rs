@@ -52,6 +52,12 @@ pub enum PlanError {
         "grid: expected a flat Cartesian grid, found {0}: let the module send maps, and form the image of them"
     )]
     Grid(&'static str),
+    /// Several channels for a product of one channel, or no channel.
+    #[error("channels: expected 1, or several for detections only, found {0}")]
+    Channels(usize),
+    /// A channel has another band than the first.
+    #[error("{0}: expected the frequencies of the first channel: choose channels of one band")]
+    Bands(String),
     /// More frequencies per pulse than a module supports.
     #[error(
         "frequencies per pulse: expected at most {LONGEST_RANGE} for a module, found {0}: decimate or cut the band"
@@ -121,17 +127,31 @@ impl ModuleProduct {
 }
 
 impl ModulePlan {
-    /// Create a plan for the pixels of `grid`.
+    /// Create a plan for the pixels of `grid` and the channels of a recording: one, or for detections several. Sub-CPIs and patches
+    /// are chosen for the first.
     ///
     /// # Errors
     /// [`PlanError`] states which requirement cannot be met.
     pub fn new(
-        collection: &Collection,
+        channels: &[&Collection],
         grid: &ImageGrid,
         requirements: &Requirements,
     ) -> Result<Self, PlanError> {
         requirements.product.check_grid(grid)?;
+        let (Some(&collection), Ok(num_channels)) =
+            (channels.first(), u16::try_from(channels.len()))
+        else {
+            return Err(PlanError::Channels(channels.len()));
+        };
+        if num_channels > 1 && requirements.product != ModuleProduct::Detections {
+            return Err(PlanError::Channels(channels.len()));
+        }
         let band = shared_band(collection)?;
+        for other in channels {
+            if shared_band(other)? != band {
+                return Err(PlanError::Bands(other.name.clone()));
+            }
+        }
         if band.count > LONGEST_RANGE {
             return Err(PlanError::Frequencies(band.count));
         }
@@ -150,6 +170,7 @@ impl ModulePlan {
             arithmetic: requirements.arithmetic,
             error_db: requirements.error_db,
             product: requirements.product,
+            num_channels,
         };
         let mut candidates = search.candidates(target);
         candidates.sort_by(|a, b| a.cost().total_cmp(&b.cost()));

@@ -4,7 +4,7 @@
 //! A byte takes ten bits: a start bit, eight data bits, a stop bit (8N1), in both directions at once. Only the content of the
 //! messages is counted, not framing, settings and repetitions.
 
-use subaperture_core::link::{DETECTION_BYTES, Encoding};
+use subaperture_core::link::{Encoding, detection_bytes};
 use subaperture_core::stream::BlockFloat;
 use subaperture_core::sweep;
 
@@ -23,7 +23,7 @@ const PULSE_BYTES: u64 = 4 + 8 + 48 + 8 + 4;
 const MAP_BYTES: u64 = 152;
 
 /// Bytes of the list of detections on a map without the detections.
-const LIST_BYTES: u64 = 16;
+const LIST_BYTES: u64 = 18;
 
 /// Maximum number of detections that a module sends per map.
 const DETECTIONS_A_MAP: u64 = 32;
@@ -57,10 +57,11 @@ impl ProductLoad {
     /// Loads of maps, image and detections of a plan on a link of `baud` bits per second.
     pub fn of_each(plan: &ModulePlan, baud: u32) -> [Self; 3] {
         let link = LinkBudget::new(plan, baud);
-        let up_bytes = link.pulse_bytes * plan.num_pulses as u64;
+        let channels = plan.setup.num_channels;
+        let up_bytes = link.pulse_bytes * plan.num_pulses as u64 * u64::from(channels);
         let pixel_bytes = plan.arithmetic.encoding().sample_bytes() as u64;
-        let lists =
-            |detections: u64| plan.num_maps() * (LIST_BYTES + DETECTION_BYTES as u64 * detections);
+        let detection_bytes = detection_bytes(channels.into()) as u64;
+        let lists = |detections: u64| plan.num_maps() * (LIST_BYTES + detection_bytes * detections);
         let image = pixel_bytes * plan.num_pixels + CHIP_BYTES * plan.patches.len() as u64;
         let load = |product: ModuleProduct, down_bytes| {
             Self::new(product.name(), up_bytes, down_bytes, baud)
@@ -143,7 +144,7 @@ impl LinkBudget {
             };
             MAP_BYTES + sample_bytes * patch.map_len() as u64 + exponents as u64
         });
-        let up_bytes = pulse_bytes * u64::from(setup.num_pulses);
+        let up_bytes = pulse_bytes * u64::from(setup.numbers_per_sub_cpi());
         let down_bytes = maps.clone().sum();
         Self {
             baud,

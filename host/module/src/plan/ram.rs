@@ -127,7 +127,7 @@ pub(crate) fn least_capacity(setup: &Setup, patches: &[Patch], arithmetic: Arith
             .max(setup.range_length),
     };
     Capacity {
-        pulses: setup.num_pulses,
+        pulses: u16::try_from(setup.numbers_per_sub_cpi()).unwrap_or(u16::MAX),
         frequencies: most(Patch::num_range_bins).max(setup.num_frequencies),
         range_bins,
         doppler_bins,
@@ -141,6 +141,7 @@ mod tests {
 
     const SETUP: Setup = Setup {
         num_pulses: 30,
+        num_channels: 1,
         num_frequencies: 424,
         range_length: 1024,
         doppler_length: 61,

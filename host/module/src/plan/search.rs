@@ -20,7 +20,7 @@ use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 /// Maximum range transform length of a module.
 pub(super) const LONGEST_RANGE: usize = 4096;
 
-/// Maximum pulses per sub-CPI, rows of a map and patches that a module can be built for.
+/// Maximum pulses per sub-CPI, counted once per channel, rows of a map and patches that a module can be built for.
 const MAX_PULSES: usize = 4096;
 const MAX_ROWS: usize = 4096;
 const MAX_PATCHES: usize = 4096;
@@ -68,6 +68,7 @@ pub(super) struct Search<'a> {
     pub(super) arithmetic: Arithmetic,
     pub(super) error_db: f64,
     pub(super) product: ModuleProduct,
+    pub(super) num_channels: u16,
 }
 
 impl Search<'_> {
@@ -160,7 +161,7 @@ impl Search<'_> {
         let mut candidates = Vec::new();
         let mut first_patch = 0;
         for length in lengths(num_pulses) {
-            if length > MAX_PULSES {
+            if length * usize::from(self.num_channels) > MAX_PULSES {
                 break;
             }
             // Errors grow with the patch: a size that keeps the bound implies it for smaller ones. A longer sub-CPI never allows a
@@ -259,6 +260,7 @@ impl Search<'_> {
         let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
         Some(Setup {
             num_pulses: u16::try_from(length).ok()?,
+            num_channels: self.num_channels,
             num_frequencies: u16::try_from(self.band.count).ok()?,
             range_length: u16::try_from(self.range_length()).ok()?,
             // At most MAX_PULSES are requested, so this fits.

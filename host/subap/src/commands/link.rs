@@ -37,7 +37,6 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
             _ => increments::run(session, typed, start),
         };
     };
-    typed.input.refuse_several("a module")?;
     let mut claims = session.claims(&typed.writing, &typed.input.files);
     match product {
         ModuleProduct::Maps => claims.file(&typed.out, Kind::Maps)?,
@@ -47,8 +46,9 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     if let Some(picture) = &typed.picture {
         claims.file(picture, Kind::Picture).context("--picture")?;
     }
-    let history = session.open(&typed.input)?;
-    let collection = history.collection();
+    let channels = session.open_for_module(&typed.input, product)?;
+    let channels: Vec<&dyn PhaseHistory> = channels.iter().map(|channel| &**channel).collect();
+    let collection = channels[0].collection();
     let survey = Survey::of(collection).context("the input holds no pulses")?;
     let grid = session.grid(typed.grid.as_ref(), &survey)?;
     session.check_grid(&grid, 1)?;
@@ -60,8 +60,8 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let mut watch = Watching::new(session);
     with_module(session, line, num_samples, &mut watch, |module, watch| {
         let identity = module.identity().clone();
-        let plan = plan(session, typed, collection, &grid, &identity, product)?;
-        let work = Work::new(session, typed, &history, &grid, &plan, product);
+        let plan = plan(session, typed, &channels, &grid, &identity, product)?;
+        let work = Work::new(session, typed, &channels, &grid, &plan, product);
         let mut job = work.job()?;
         if typed.rehearsal.dry_run {
             return work.rehearse(module, &job, watch);

@@ -20,7 +20,7 @@ use subaperture::track_fusion::FusedTrack;
 
 use super::track_fusion;
 use crate::args::Track;
-use crate::config::{Session, note_inferred};
+use crate::config::{Session, report_reading};
 use crate::{interrupt, messages, text};
 
 /// Number of error ellipses in the picture.
@@ -86,10 +86,7 @@ pub(super) fn open(
     let reading = session.progress("reading");
     let channels = open_channels(input, named, &options)?;
     reading.finish();
-    for warning in channels.channel(0).warnings() {
-        messages::warning(warning);
-    }
-    note_inferred(channels.channel(0));
+    report_reading(channels.channel(0));
     Ok(channels)
 }
 

@@ -40,6 +40,7 @@ impl JobSettings<'_> {
     pub(in crate::link) fn empty() -> Self {
         let setup = Setup {
             num_pulses: 1,
+            num_channels: 1,
             num_frequencies: 1,
             range_length: 2,
             doppler_length: 1,

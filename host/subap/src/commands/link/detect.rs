@@ -8,8 +8,9 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::TEXT_MARK;
 use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::module::detections::{LocatedDetection, Locator};
-use subaperture::module::link::{self, DetectionSink, Job, SinkError};
-use subaperture_core::cfar::{Cfar, Detection, TrainingWindow};
+use subaperture::module::link::{self, ChannelDetection, DetectionSink, Job, SinkError};
+use subaperture::phase_history::Collection;
+use subaperture_core::cfar::{Cfar, TrainingWindow};
 
 use super::outcome::{Received, report};
 use super::receiving::Watching;
@@ -41,7 +42,12 @@ struct Locating<'a> {
 }
 
 impl DetectionSink for Locating<'_> {
-    fn accept(&mut self, sub_cpi: u32, patch: u16, list: &[Detection]) -> Result<(), SinkError> {
+    fn accept(
+        &mut self,
+        sub_cpi: u32,
+        patch: u16,
+        list: &[ChannelDetection],
+    ) -> Result<(), SinkError> {
         if self.located.len() + list.len() > MAX_DETECTIONS {
             return Err(format!(
                 "detections: expected at most {MAX_DETECTIONS}: give a smaller --false-alarms or a smaller --grid"
@@ -75,8 +81,11 @@ impl Work<'_> {
     ) -> anyhow::Result<()> {
         // From here on, an interruption keeps the detections received.
         let _keeping = interrupt::Keeping::begin();
+        let channels: Vec<&Collection> = (self.channels.iter())
+            .map(|channel| channel.collection())
+            .collect();
         let mut sink = Locating {
-            locator: Locator::new(self.history.collection(), self.grid, self.plan),
+            locator: Locator::new(&channels, self.grid, self.plan),
             located: Vec::new(),
         };
         let outcome = module.detect(job, &self.cfar(), &mut sink, watch);
@@ -86,7 +95,7 @@ impl Work<'_> {
         let (mut content, mut files) = (None, Vec::new());
         if maps > 0 {
             let scale = f64::from(job.pulses.amplitude_scale()).powi(2);
-            let list = csv(&located, scale);
+            let list = csv(&located, channels.len(), scale);
             write_atomically(&self.typed.out, list.len() as u64, |file| {
                 file.write_all(list.as_bytes())
             })?;
@@ -103,20 +112,25 @@ impl Work<'_> {
     }
 }
 
-/// Table of the detections. Powers are divided by `scale`, the factor by which the module's pulses are stronger than the recording.
-fn csv(located: &[LocatedDetection], scale: f64) -> String {
+/// Table of the detections, with power and phase of each channel. Powers are divided by `scale`, the factor by which the module's
+/// pulses are stronger than the recording.
+fn csv(located: &[LocatedDetection], num_channels: usize, scale: f64) -> String {
     let mut text = format!(
-        "# {TEXT_MARK} {}; position of a target at rest\n\
-         sub_cpi,patch,time_s,range_bin,doppler_bin,path_m,path_rate_m_s,x_m,y_m,z_m,power_db,snr_db\n",
+        "# {TEXT_MARK} {}; position of a target at rest, and phases without that of such a target\n\
+         sub_cpi,patch,time_s,range_bin,doppler_bin,path_m,path_rate_m_s,x_m,y_m,z_m,power_db,snr_db",
         env!("CARGO_PKG_VERSION")
     );
+    for number in 1..=num_channels {
+        // Writing to a string cannot fail.
+        let _ = write!(text, ",power_{number}_db,phase_{number}_rad");
+    }
+    text.push('\n');
     for one in located {
         let LocatedDetection { detection, .. } = one;
         let optional = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
         let at = |axis: usize| optional(one.position_m.map(|position_m| position_m[axis]));
         let power_db = |power: f32| 10.0 * (f64::from(power) / scale).log10();
-        // Writing to a string cannot fail.
-        let _ = writeln!(
+        let _ = write!(
             text,
             "{},{},{},{},{},{},{},{},{},{},{:.3},{:.3}",
             one.sub_cpi,
@@ -132,6 +146,12 @@ fn csv(located: &[LocatedDetection], scale: f64) -> String {
             power_db(detection.power),
             power_db(detection.power) - power_db(detection.noise)
         );
+        for channel in &one.channels {
+            let (power_db, phase_rad) = (power_db(channel.power), channel.phase_rad);
+            let phase_rad = phase_rad.map_or_else(String::new, |phase| format!("{phase:.6}"));
+            let _ = write!(text, ",{power_db:.3},{phase_rad}");
+        }
+        text.push('\n');
     }
     text
 }

@@ -29,7 +29,7 @@ use subaperture::io::product::record::grid as grid_record;
 pub(super) fn plan(
     session: &Session,
     typed: &Link,
-    collection: &Collection,
+    channels: &[&dyn PhaseHistory],
     grid: &ImageGrid,
     identity: &Identity,
     product: ModuleProduct,
@@ -43,7 +43,11 @@ pub(super) fn plan(
         },
         product,
     };
-    let plan = ModulePlan::new(collection, grid, &requirements)?;
+    let channels: Vec<&Collection> = channels
+        .iter()
+        .map(|channel| channel.collection())
+        .collect();
+    let plan = ModulePlan::new(&channels, grid, &requirements)?;
     session.note(1, || {
         format!(
             "{} patches, {} sub-CPIs of {} pulses, predicted error {:.1} dB",
@@ -76,6 +80,9 @@ pub(super) fn normalised(weights: &[f64]) -> Vec<f32> {
 pub(super) struct Work<'w> {
     pub(super) session: &'w Session,
     pub(super) typed: &'w Link,
+    /// Channels, several for detections only.
+    pub(super) channels: &'w [&'w dyn PhaseHistory],
+    /// The first of them.
     pub(super) history: &'w dyn PhaseHistory,
     pub(super) grid: &'w ImageGrid,
     pub(super) plan: &'w ModulePlan,
@@ -89,11 +96,12 @@ impl<'w> Work<'w> {
     pub(super) fn new(
         session: &'w Session,
         typed: &'w Link,
-        history: &'w dyn PhaseHistory,
+        channels: &'w [&'w dyn PhaseHistory],
         grid: &'w ImageGrid,
         plan: &'w ModulePlan,
         product: ModuleProduct,
     ) -> Self {
+        let history = channels[0];
         let weights = Weights::new(
             history.collection(),
             typed.windows.window,
@@ -102,6 +110,7 @@ impl<'w> Work<'w> {
         Self {
             session,
             typed,
+            channels,
             history,
             grid,
             plan,
@@ -112,15 +121,15 @@ impl<'w> Work<'w> {
     }
 
     pub(super) fn job(&self) -> anyhow::Result<Job<'w>> {
-        let (history, weights) = (self.history, &self.slow_weights);
+        let (channels, weights) = (self.channels, &self.slow_weights);
         let encoding = self.plan.arithmetic.encoding();
         Ok(Job {
             setup: self.plan.setup,
             fast_weights: self.fast_weights.clone(),
             patches: self.plan.patches.clone(),
             pulses: match self.typed.front_end {
-                true => PulseSource::from_front_end(history, weights)?,
-                false => PulseSource::new(history, weights, encoding)?,
+                true => PulseSource::from_front_end(channels, weights)?,
+                false => PulseSource::new(channels, weights, encoding)?,
             },
         })
     }
@@ -142,7 +151,7 @@ impl<'w> Work<'w> {
                 Request::Image(self.image(&chips))
             }
         };
-        let time = link::rehearse(module, job, self.history, request, watch)?;
+        let time = link::rehearse(module, job, request, watch)?;
         watch.bar.finish();
         let work = format!(
             "{} maps of {} pulses by the module at {}; retransmissions not included",
@@ -162,7 +171,8 @@ impl<'w> Work<'w> {
             Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),
             None => 0,
         };
-        let held_bytes = self.history.held_bytes() + picture_bytes;
+        let read_bytes = self.channels.iter().map(|channel| channel.held_bytes());
+        let held_bytes = read_bytes.sum::<u64>() + picture_bytes;
         let disk = vec![(typed.out.clone(), file_bytes)];
         Ahead::new(self.session, work, held_bytes, time, disk)
             .announce(self.session, &typed.rehearsal)?;

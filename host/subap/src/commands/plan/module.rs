@@ -9,7 +9,7 @@ use subaperture::module::maps::Arithmetic;
 use subaperture::module::plan::{
     LinkBudget, ModuleCapacity, ModulePlan, ModuleProduct, ProductLoad, Requirements,
 };
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::Collection;
 use subaperture::radio::sigmf::Recording;
 use subaperture::resolution::survey::Survey;
 
@@ -25,9 +25,12 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     {
         return profiles(session, typed, capture);
     }
-    typed.input.refuse_several("a module")?;
-    let history = session.open(&typed.input)?;
-    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
+    let channels = session.open_for_module(&typed.input, typed.send)?;
+    let channels: Vec<&Collection> = channels
+        .iter()
+        .map(|channel| channel.collection())
+        .collect();
+    let survey = Survey::of(channels[0]).context("the input holds no pulses")?;
     let grid = session.grid(typed.grid.as_ref(), &survey)?;
     let requirements = Requirements {
         error_db: module_error_db(typed.error_db, typed.send),
@@ -40,7 +43,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         product: typed.send,
     };
     let planning = session.progress("planning");
-    let plan = ModulePlan::new(history.collection(), &grid, &requirements)?;
+    let plan = ModulePlan::new(&channels, &grid, &requirements)?;
     let pulse_rate_hz = typed.pulse_rate.or(survey.pri_s.map(|pri_s| 1.0 / pri_s));
     let spacing_m = [grid.columns.step, grid.rows.step];
     let sheet = Sheet {
