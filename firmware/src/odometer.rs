@@ -11,6 +11,9 @@ pub trait WireOdometer: Send {
     /// [`SetupError`].
     fn configure(&mut self, setup: &Setup, antennas: &Antennas<'_>) -> Result<(), SetupError>;
 
+    /// As [`Odometer::channels`].
+    fn channels(&self) -> usize;
+
     /// As [`Odometer::start`].
     fn start(&mut self, first: u32) -> bool;
 
@@ -45,6 +48,10 @@ impl<const T: usize, const C: usize, const F: usize, const B: usize> WireOdomete
 {
     fn configure(&mut self, setup: &Setup, antennas: &Antennas<'_>) -> Result<(), SetupError> {
         Self::configure(self, setup, antennas)
+    }
+
+    fn channels(&self) -> usize {
+        Self::channels(self)
     }
 
     fn start(&mut self, first: u32) -> bool {

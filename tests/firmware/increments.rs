@@ -29,6 +29,7 @@ fn module_increments_are_bit_identical_to_core() {
         transmitters_m: &scene.transmitters_m,
         receivers_m: &scene.receivers_m,
         channels: &channels,
+        from_front_end: false,
     };
     let outcome = session.increments(&task, &mut Silent);
     println!("{}", session.counts());

@@ -7,13 +7,16 @@ use std::io;
 use std::time::Duration;
 
 use subaperture::module::link::{
-    Buffers, Increment, LinkError, Mismatch, MotionRun, Odometer, Session, Settings, Transport,
+    Buffers, Counts, Increment, LinkError, Mismatch, MotionRun, Odometer, Session, Settings,
+    Transport,
 };
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
-use subaperture_core::link::Refusal;
+use subaperture_core::Sc16;
+use subaperture_core::link::{Refusal, write_sc16s};
 use subaperture_core::motion;
 use subaperture_tests::faults::{Faults, FaultyLine};
+use subaperture_tests::front_end::{Port, framed};
 use subaperture_tests::module::{Manner, Module};
 use subaperture_tests::odometer_scene::{Scene, setup};
 
@@ -40,6 +43,7 @@ fn over(faults: Faults, scene: &Scene, setup: motion::Setup, settings: Settings)
         transmitters_m: &scene.transmitters_m,
         receivers_m: &scene.receivers_m,
         channels: &channels,
+        from_front_end: false,
     };
     session.increments(&task, &mut Silent)
 }
@@ -127,6 +131,7 @@ fn invalid_motion_input_is_rejected() {
             transmitters_m: &scene.transmitters_m,
             receivers_m,
             channels: &channels,
+            from_front_end: false,
         };
         match task.check() {
             Err(LinkError::Mismatch(mismatch)) => mismatch,
@@ -212,6 +217,7 @@ fn protocol_version_change_is_reported_and_work_counted() {
         transmitters_m: &scene.transmitters_m,
         receivers_m: &scene.receivers_m,
         channels: &channels,
+        from_front_end: false,
     };
     let mut updated = Updated {
         module: Module::start(Manner::default()),
@@ -234,4 +240,130 @@ fn protocol_version_change_is_reported_and_work_counted() {
     assert_eq!((counts.runs, counts.module_pulses.accepted), (1, pulses));
     // The channels of all pulses, and a few requests.
     assert!(counts.frames_to_module.taken >= 2 * pulses, "{counts:?}");
+}
+
+fn short_scene() -> Scene {
+    Scene {
+        short: true,
+        reference_path_m: 0.0,
+        ..scene()
+    }
+}
+
+/// Result of a motion run on the short scene, with samples from `frames` of the front end or over the link.
+fn by_module(fixed: bool, frames: Option<Vec<Vec<u8>>>, settings: Settings) -> (Odometer, Counts) {
+    let scene = short_scene();
+    let recorded = scene.recorded(PULSES);
+    let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+    let manner = Manner {
+        fixed,
+        ..Manner::default()
+    };
+    let from_front_end = frames.is_some();
+    let mut module = match frames {
+        Some(frames) => Module::with_front_end(manner, Port::with(frames.concat())),
+        None => Module::start(manner),
+    };
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let task = MotionRun {
+        setup: setup(),
+        transmitters_m: &scene.transmitters_m,
+        receivers_m: &scene.receivers_m,
+        channels: &channels,
+        from_front_end,
+    };
+    let reported = session.increments(&task, &mut Silent);
+    (reported, session.counts())
+}
+
+/// To a module in fixed point samples are sent in 16 bits, half as many bytes. These are exact in 16 bits.
+#[test]
+fn increments_of_16_bit_samples_equal_those_of_core() {
+    let (float, of_float) = by_module(false, None, settings());
+    let (fixed, of_fixed) = by_module(true, None, settings());
+    assert_eq!(float.increments, expected(&short_scene()));
+    assert_eq!(fixed.increments, float.increments);
+    let [long, short] = [of_float, of_fixed].map(|counts| counts.bytes_to_module);
+    assert!(short < long * 55 / 100, "{short} of {long} bytes");
+}
+
+/// Frames of the front end, one per channel of a pulse.
+fn frames() -> Vec<Vec<u8>> {
+    let scene = short_scene();
+    let channels = (0..PULSES).flat_map(|n| scene.pulse(n));
+    let frames = (0..).zip(channels).map(|(number, samples)| {
+        let narrow: Vec<Sc16> = samples.iter().map(|z| Sc16::from_complex32(*z).0).collect();
+        let mut bytes = vec![0; 4 * narrow.len()];
+        framed(number, write_sc16s(&narrow, &mut bytes).unwrap())
+    });
+    frames.collect()
+}
+
+#[test]
+fn increments_of_front_end_samples_equal_those_of_core() {
+    for fixed in [false, true] {
+        let (reported, counts) = by_module(fixed, Some(frames()), settings());
+        reported.ending.unwrap();
+        assert_eq!(reported.increments, expected(&short_scene()));
+        assert_eq!(counts.module_pulses.accepted, PULSES as u64);
+        assert!(counts.bytes_to_module < 1000, "{counts}");
+    }
+}
+
+/// A lost channel costs its pulse: the next increment is relative to the pulse before.
+#[test]
+fn lost_frame_of_front_end_costs_its_pulse() {
+    let mut some = frames();
+    some.remove(2 * 12 + 1);
+    let (reported, counts) = by_module(false, Some(some), settings());
+    reported.ending.unwrap();
+    let pulses: Vec<u32> = reported.increments.iter().map(|own| own.pulse).collect();
+    let all_but_one = (0..PULSES as u32).filter(|pulse| *pulse != 12);
+    assert!(pulses.into_iter().eq(all_but_one));
+    assert_eq!(reported.increments[12].since, 11);
+    assert_eq!(counts.module_pulses.lost, 1);
+    // Before the gap nothing differs.
+    assert_eq!(reported.increments[..12], expected(&short_scene())[..12]);
+}
+
+#[test]
+fn front_end_that_ends_early_leaves_its_increments() {
+    let short_idle = Settings {
+        idle: Duration::from_millis(500),
+        ..settings()
+    };
+    let mut some = frames();
+    some.truncate(2 * 20);
+    let (reported, _) = by_module(false, Some(some), short_idle.clone());
+    reported.ending.unwrap();
+    assert_eq!(reported.increments, expected(&short_scene())[..20]);
+    let (reported, _) = by_module(false, Some(Vec::new()), short_idle);
+    assert!(
+        matches!(reported.ending, Err(LinkError::Stuck(_))),
+        "{:?}",
+        reported.ending
+    );
+}
+
+#[test]
+fn module_without_front_end_refuses_increments_of_it() {
+    let scene = short_scene();
+    let recorded = scene.recorded(PULSES);
+    let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+    let task = MotionRun {
+        setup: setup(),
+        transmitters_m: &scene.transmitters_m,
+        receivers_m: &scene.receivers_m,
+        channels: &channels,
+        from_front_end: true,
+    };
+    let mut module = Module::start(Manner::default());
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+    let ending = session.increments(&task, &mut Silent).ending;
+    assert!(
+        matches!(ending, Err(LinkError::Refused(Refusal::Unsupported))),
+        "{ending:?}"
+    );
 }

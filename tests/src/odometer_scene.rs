@@ -8,6 +8,7 @@ use subaperture::glam::{DVec2, DVec3};
 use subaperture::phase_history::{
     Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
 };
+use subaperture_core::Sc16;
 use subaperture_core::link::{Increment, Motion};
 use subaperture_core::motion::{Antennas, Odometer, Progress, Setup, Step, TrackerSettings};
 
@@ -65,6 +66,8 @@ pub struct Scene {
     pub seed: u64,
     /// Path to which samples are compensated, metres.
     pub reference_path_m: f64,
+    /// Whether samples are an eighth of their value, rounded to 16 bits.
+    pub short: bool,
 }
 
 impl Scene {
@@ -85,6 +88,7 @@ impl Scene {
             noise: 0.0,
             seed: 1,
             reference_path_m: 0.0,
+            short: false,
         }
     }
 
@@ -134,7 +138,11 @@ impl Scene {
                     }
                     let part = self.noise * std::f64::consts::FRAC_1_SQRT_2;
                     let [a, b] = random.gaussians();
-                    Complex32::new((re + part * a) as f32, (im + part * b) as f32)
+                    let z = Complex32::new((re + part * a) as f32, (im + part * b) as f32);
+                    match self.short {
+                        true => Sc16::from_complex32(z * 0.125).0.to_complex32(),
+                        false => z,
+                    }
                 };
                 all.push((0..FREQUENCIES).map(sample).collect());
             }

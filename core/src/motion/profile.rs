@@ -12,12 +12,13 @@
 //! every cell has equal numbers of training cells on both sides; ranges outside the limits contribute noise as well.
 //!
 //! A peak is a maximum within one cell. Values below the window's sidelobe level relative to the strongest cell are
-//! ignored. **Cost**: one transform of `R` points per channel, and `N` sums or `N^2 / 4` comparisons per peak.
+//! ignored. **Cost**: one transform of `R` points per channel, and `N` sums or
+//! comparisons per peak.
 
 use num_complex::Complex32;
 
 use super::factor::{cell_averaging_factor, order_statistic_factor};
-use super::setup::{Axis, MAX_TRAINING, Setup};
+use super::setup::{Axis, Setup};
 use super::threshold::rank_of;
 use crate::{Turns, range};
 
@@ -135,7 +136,7 @@ impl Detector {
                 let away = (self.guard + cell) * axis.stride;
                 [at(bin.wrapping_sub(away)), at(bin.wrapping_add(away))]
             });
-            if own > self.factor * self.level(cells) {
+            if self.exceeds(own, cells) {
                 let peak = Peak {
                     cells: (first + i as f64) * axis.cells_a_bin,
                     power: own,
@@ -148,23 +149,15 @@ impl Detector {
 }
 
 impl Detector {
-    /// Noise level from the training cells: mean or order statistic.
-    fn level(&self, cells: impl Iterator<Item = f32>) -> f32 {
+    /// Whether a power exceeds the threshold over the mean or an order statistic of the training cells. NaN counts as the largest
+    /// cell.
+    fn exceeds(&self, own: f32, cells: impl Iterator<Item = f32>) -> bool {
         if self.rank == 0 {
-            return cells.sum::<f32>() / (2 * self.training) as f32;
+            let level = cells.sum::<f32>() / (2 * self.training) as f32;
+            return own > self.factor * level;
         }
-        // Smallest cells so far in ascending order; the last one is the order statistic.
-        let mut smallest = [f32::INFINITY; 2 * MAX_TRAINING as usize];
-        let smallest = smallest.get_mut(..self.rank).unwrap_or(&mut []);
-        for mut cell in cells {
-            // NaN counts as the largest.
-            for held in smallest.iter_mut() {
-                if cell < *held {
-                    core::mem::swap(held, &mut cell);
-                }
-            }
-        }
-        smallest.last().copied().unwrap_or(f32::INFINITY)
+        // The power exceeds the threshold of the `rank`-th smallest cell if it exceeds those of as many cells.
+        cells.filter(|cell| own > self.factor * cell).count() >= self.rank
     }
 }
 

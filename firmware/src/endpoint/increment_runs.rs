@@ -110,14 +110,14 @@ impl<E: WireEngine> Module<'_, E> {
                 self.increments.record(step);
                 true
             }
-            Progress::Idle => {
-                if self.state == State::Finishing {
-                    odometer.stop();
-                    self.state = State::Done;
-                    self.due.status = true;
-                }
+            Progress::Idle if self.state == State::Finishing => {
+                odometer.stop();
+                self.source.stop();
+                self.state = State::Done;
+                self.due.status = true;
                 false
             }
+            Progress::Idle => self.take_channel(),
         }
     }
 
@@ -126,6 +126,7 @@ impl<E: WireEngine> Module<'_, E> {
             odometer.stop();
         }
         self.increments.run.due = false;
+        self.source.stop();
         self.state = State::Done;
     }
 }

@@ -56,6 +56,13 @@ impl<'a> Increments<'a> {
         self.run.due = false;
     }
 
+    /// Number of channels per pulse.
+    pub(super) fn channels(&self) -> u32 {
+        self.odometer
+            .as_ref()
+            .map_or(0, |odometer| odometer.channels() as u32)
+    }
+
     /// Number of the next expected pulse.
     pub(super) fn next_pulse(&self) -> u32 {
         self.odometer

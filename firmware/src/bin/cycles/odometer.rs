@@ -4,11 +4,13 @@
 
 use subaperture_core::link::{
     Command, Encoder, Encoding, MotionConfiguration, State, write_complex32s, write_places,
+    write_sc16s,
 };
 use subaperture_core::motion::{Setup, TrackerSettings};
-use subaperture_core::{Complex32, Pulse, SPEED_OF_LIGHT_M_S, Turns};
+use subaperture_core::{Complex32, Pulse, SPEED_OF_LIGHT_M_S, Sc16, Turns};
 use subaperture_firmware::board::{Board, Current};
 use subaperture_firmware::endpoint::Endpoint;
+use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
 use subaperture_firmware::sizes::{CHANNELS, ODOMETER_BINS, ODOMETER_FREQUENCIES};
@@ -40,6 +42,9 @@ const SETUP: Setup = Setup {
 };
 
 const PULSES: u32 = 4;
+
+/// Encoding of the samples: as for maps.
+const ENCODING: Encoding = Engine::MAP_ENCODING;
 
 const PLACES_M: [[f64; 2]; 4] = [[-0.9, 2.25], [0.6, 3.5], [2.1, 4.7], [-2.6, 6.4]];
 
@@ -81,7 +86,7 @@ pub(crate) fn run(
                 pulse,
                 channel: channel as u16,
                 reference_path_m: 5.0,
-                encoding: Encoding::Complex32,
+                encoding: ENCODING,
                 samples: write_samples(pulse, receiver, samples)?,
             };
             let bytes = encoder.encode(&command, frame).ok()?;
@@ -112,7 +117,7 @@ pub(crate) fn run(
     (endpoint.state() == State::Done && down_bytes > 40).then_some(())
 }
 
-/// Samples of one receiver in a pulse: moved half a millimetre per pulse, phases referenced to 5 m.
+/// Samples of one receiver in a pulse, each part below 1: moved half a millimetre per pulse, phases referenced to 5 m.
 fn write_samples<'b>(pulse: u32, receiver: &[f64; 2], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let x_m = f64::from(pulse) * 0.000_5;
     let [x, y] = *receiver;
@@ -126,7 +131,8 @@ fn write_samples<'b>(pulse: u32, receiver: &[f64; 2], buffer: &'b mut [u8]) -> O
         let path_m = geometry.relative_path_m([x, y, 0.0]);
         [77e9, STEP_HZ].map(|hz| Turns::from_f64(-hz * (path_m / SPEED_OF_LIGHT_M_S)))
     });
-    let places = buffer.chunks_exact_mut(8).take(ODOMETER_FREQUENCIES);
+    let bytes = ENCODING.sample_bytes();
+    let places = buffer.chunks_exact_mut(bytes).take(ODOMETER_FREQUENCIES);
     for (k, place) in places.enumerate() {
         let each = phases.map(|[start, step]| start.plus(step.times(k as i64)).phasor());
         let sum: Complex32 = each.iter().sum();
@@ -134,7 +140,11 @@ fn write_samples<'b>(pulse: u32, receiver: &[f64; 2], buffer: &'b mut [u8]) -> O
         let noise = Turns(0x9e37_79b9_7f4a_7c15)
             .times((k as i64 + 7919 * i64::from(pulse)) * (k as i64 + 3))
             .phasor();
-        write_complex32s(&[sum + noise * 0.05], place)?;
+        let sample = (sum + noise * 0.05) * 0.2;
+        match ENCODING {
+            Encoding::Complex32 => write_complex32s(&[sample], place)?,
+            Encoding::Sc16 => write_sc16s(&[Sc16::from_complex32(sample).0], place)?,
+        };
     }
-    buffer.get(..8 * ODOMETER_FREQUENCIES)
+    buffer.get(..bytes * ODOMETER_FREQUENCIES)
 }

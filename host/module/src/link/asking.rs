@@ -25,7 +25,7 @@ pub(super) const MIN_TRIES: u32 = 3;
 pub(super) struct News {
     pub(super) status: Option<Status>,
     pub(super) refusal: Option<Refusal>,
-    pub(super) increment: Option<Increment>,
+    pub(super) increments: Vec<Increment>,
     /// Completely received profile.
     pub(super) profile: Option<(ProfileHeader, Vec<Complex32>)>,
     /// Whether a part of a profile was received.
@@ -81,6 +81,7 @@ impl Session<'_> {
         &mut self,
         (id, run): (u32, u32),
         configure: &[Command<'_>],
+        start: Command<'_>,
         watch: &mut dyn SessionObserver,
     ) -> Result<(), LinkError> {
         if let least @ Some(_) = self.ledger.settings.events {
@@ -89,7 +90,7 @@ impl Session<'_> {
         self.ask(&[&[Command::Abort], configure].concat(), watch, |status| {
             status.configuration == id && status.state == State::Ready
         })?;
-        self.ask(&[Command::Start { run, first: 0 }], watch, |status| {
+        self.ask(&[start], watch, |status| {
             status.run == run && status.state == State::Running
         })?;
         self.ledger.counts.runs += 1;
@@ -158,7 +159,7 @@ impl Session<'_> {
                 }
                 Ok(Report::Refused { what, .. }) => news.refusal = Some(what),
                 Ok(Report::Event(event)) => watch.event(&event),
-                Ok(Report::Increment(increment)) => news.increment = Some(increment),
+                Ok(Report::Increment(increment)) => news.increments.push(increment),
                 Ok(report) => {
                     if let Some(assembly) = &mut profiles {
                         news.profile_goes_on = true;

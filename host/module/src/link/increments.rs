@@ -3,7 +3,9 @@
 //! [`Session::increments`] sends the settings of an [`MotionRun`] and then one pulse after another, all channels of each. It
 //! waits for the increment of a pulse before it sends the next; the module runs `core::motion`. If an increment is not
 //! received, all channels of its pulse are sent again until it is. Unreadable pulses are skipped; the module estimates the
-//! motion across the gap.
+//! motion across the gap. To a module in fixed point samples are sent in 16 bits, scaled by a power of two per pulse.
+//!
+//! With samples from the front end of the module nothing is sent, and nothing is repeated.
 //!
 //! **Output**: [`Increment`]s in the array frame at the previous pulse; see [`subaperture_core::motion`] for their
 //! definition and what they neglect. **Memory**: a pulse of one channel. **Errors**: [`LinkError`]; earlier increments are
@@ -13,11 +15,13 @@
 use std::time::Instant;
 
 use num_complex::Complex32;
+use subaperture_core::Sc16;
 use subaperture_core::link::{
-    Command, Encoding, Increment, MAX_ANTENNAS, MotionConfiguration, State, Status,
-    write_complex32s, write_places,
+    Arithmetic, Command, Encoding, Increment, MAX_ANTENNAS, MotionConfiguration, State, Status,
+    write_complex32s, write_places, write_sc16s,
 };
 use subaperture_core::motion::Setup;
+use subaperture_core::stream::power_of_two;
 use subaperture_model::phase_history::{PhaseHistory, ReadError};
 
 use super::asking::MIN_TRIES;
@@ -34,6 +38,9 @@ pub struct MotionRun<'a> {
     pub receivers_m: &'a [[f64; 2]],
     /// Channels, transmitters outermost, receivers innermost. Pulse `n` of each belongs to the same time.
     pub channels: &'a [&'a dyn PhaseHistory],
+    /// Whether the samples come from the front end of the module, with the phases of the paths themselves. The recording provides
+    /// the number of pulses only.
+    pub from_front_end: bool,
 }
 
 /// Result of a motion run.
@@ -135,15 +142,70 @@ impl Session<'_> {
                 places,
             },
         ];
-        self.start((id, run), &configure, watch)?;
         self.ledger.counts.pulses = task.num_pulses().into();
+        if task.from_front_end {
+            let start = Command::StartFrontEnd { run, first: 0 };
+            self.start((id, run), &configure, start, watch)?;
+            self.hear_increments(task, result, watch)?;
+            return self.stop(run, watch);
+        }
+        let start = Command::Start { run, first: 0 };
+        self.start((id, run), &configure, start, watch)?;
+        let encoding = match self.identity().arithmetic {
+            Arithmetic::Float => Encoding::Complex32,
+            Arithmetic::Fixed => Encoding::Sc16,
+        };
         for pulse in 0..task.num_pulses() {
-            match read(task, pulse)? {
-                Some(samples) => self.pulse(task, pulse, &samples, result, watch)?,
+            match read(task, pulse, encoding)? {
+                Some(samples) => {
+                    self.pulse(task, pulse, (encoding, &samples), result, watch)?;
+                }
                 None => result.unreadable = result.unreadable.saturating_add(1),
             }
         }
         self.stop(run, watch)
+    }
+
+    /// Receive the increments of pulses from the front end, until that of the last pulse or until the module has none for the time
+    /// that a run may be idle.
+    fn hear_increments(
+        &mut self,
+        task: &MotionRun<'_>,
+        result: &mut Odometer,
+        watch: &mut dyn SessionObserver,
+    ) -> Result<(), LinkError> {
+        let settings = self.ledger.settings;
+        let (pulses, run) = (task.num_pulses(), self.ledger.run);
+        let (mut heard, mut asked) = (Instant::now(), Instant::now());
+        let mut next = 0;
+        while next < pulses && heard.elapsed() <= settings.idle {
+            let news = self.hear(None, watch)?;
+            if let Some(refusal) = news.refusal {
+                return Err(LinkError::Refused(refusal));
+            }
+            for increment in news.increments {
+                if increment.pulse >= next {
+                    next = increment.pulse.saturating_add(1);
+                    heard = Instant::now();
+                    result.increments.push(increment);
+                }
+            }
+            if let Some(status) = news.status {
+                if status.run != run || status.state != State::Running {
+                    return Err(LinkError::BeganAnew(next));
+                }
+                // The last increments were lost on the line.
+                next = next.max(status.next_pulse);
+            }
+            if heard.max(asked).elapsed() > settings.answer {
+                self.connection.line.outbox.send(&Command::Status);
+                asked = Instant::now();
+            }
+        }
+        match result.increments.is_empty() {
+            true => Err(LinkError::Stuck(settings.idle)),
+            false => Ok(()),
+        }
     }
 
     /// Send a pulse repeatedly until its increment is received.
@@ -151,7 +213,7 @@ impl Session<'_> {
         &mut self,
         task: &MotionRun<'_>,
         pulse: u32,
-        samples: &[Vec<u8>],
+        (encoding, samples): (Encoding, &[Vec<u8>]),
         result: &mut Odometer,
         watch: &mut dyn SessionObserver,
     ) -> Result<(), LinkError> {
@@ -170,7 +232,7 @@ impl Session<'_> {
                     pulse,
                     channel,
                     reference_path_m: own.map_or(0.0, |own| own.reference_path_m),
-                    encoding: Encoding::Complex32,
+                    encoding,
                     samples,
                 });
             }
@@ -178,7 +240,8 @@ impl Session<'_> {
             let asked = Instant::now();
             while self.waits(asked) {
                 let news = self.hear(None, watch)?;
-                if let Some(increment) = news.increment.filter(|own| own.pulse == pulse) {
+                let mut increments = news.increments.into_iter();
+                if let Some(increment) = increments.find(|own| own.pulse == pulse) {
                     // A repeated pulse gets repeated answers.
                     self.connection.line.outbox.is_clear();
                     result.increments.push(increment);
@@ -201,19 +264,42 @@ impl Session<'_> {
 }
 
 /// Encoded samples of all channels of a pulse. `None` if one of them cannot be read.
-fn read(task: &MotionRun<'_>, pulse: u32) -> Result<Option<Vec<Vec<u8>>>, LinkError> {
-    let mut all = Vec::with_capacity(task.channels.len());
+fn read(
+    task: &MotionRun<'_>,
+    pulse: u32,
+    encoding: Encoding,
+) -> Result<Option<Vec<Vec<u8>>>, LinkError> {
     let n = pulse as usize;
+    let mut all = Vec::with_capacity(task.channels.len());
     for channel in task.channels {
-        let count = channel.collection().num_samples;
-        let mut samples = vec![Complex32::ZERO; count];
+        let mut samples = vec![Complex32::ZERO; channel.collection().num_samples];
         match channel.read(n..n + 1, &mut samples) {
             Err(ReadError::NotFinite { .. }) => return Ok(None),
             other => other?,
         }
-        let mut bytes = vec![0; Encoding::Complex32.sample_bytes() * count];
-        write_complex32s(&samples, &mut bytes);
-        all.push(bytes);
+        all.push(samples);
     }
-    Ok(Some(all))
+    let parts = all.iter().flatten().flat_map(|z| [z.re.abs(), z.im.abs()]);
+    let scale = power_of_two_below_one(parts.fold(0.0, f32::max));
+    let encoded = all.iter().map(|samples| {
+        let mut bytes = vec![0; encoding.sample_bytes() * samples.len()];
+        match encoding {
+            Encoding::Complex32 => write_complex32s(samples, &mut bytes),
+            Encoding::Sc16 => {
+                let narrow = samples.iter().map(|z| Sc16::from_complex32(z * scale).0);
+                write_sc16s(&narrow.collect::<Vec<_>>(), &mut bytes)
+            }
+        };
+        bytes
+    });
+    Ok(Some(encoded.collect()))
+}
+
+/// Power of two whose product with `largest` is from 0.5 to 1; 1 for zero.
+fn power_of_two_below_one(largest: f32) -> f32 {
+    match largest > 0.0 {
+        // Limited to the exponents of normal numbers; the cast saturates.
+        true => power_of_two((-1.0 - largest.log2().floor()) as i8),
+        false => 1.0,
+    }
 }

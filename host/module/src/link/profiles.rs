@@ -149,7 +149,8 @@ impl Session<'_> {
             (bytes.iter().zip((0u16..).step_by(WEIGHTS)))
                 .map(|(weights, first)| Command::Weights { first, weights }),
         );
-        self.start((id, run), &configure, watch)?;
+        let start = Command::Start { run, first: 0 };
+        self.start((id, run), &configure, start, watch)?;
         let mut room = vec![0; 8 * usize::from(task.setup.bins)];
         let mut assembly = ProfileAssembly::new(&mut room);
         for sweep in 0.. {

@@ -100,7 +100,7 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
         ("--grid", typed.grid.is_some(), PLANNED),
         ("--error-db", typed.error_db.is_some(), PLANNED),
         ("--rate", typed.rate.is_some(), PLANNED),
-        ("--front-end", typed.front_end, PLANNED),
+        ("--front-end", typed.front_end, RECORDING),
         ("--dry-run", typed.rehearsal.dry_run, PLANNED),
     ] {
         if given && !expected.contains(&&*sent) {

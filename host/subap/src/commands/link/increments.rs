@@ -52,6 +52,7 @@ pub(super) fn run(session: &Session, typed: &Link, start: Instant) -> anyhow::Re
         transmitters_m: &plane(&arrangement.transmitters_m),
         receivers_m: &plane(&arrangement.receivers_m),
         channels: &histories,
+        from_front_end: typed.front_end,
     };
     task.check()?;
     // From here on, an interruption keeps the increments received.
