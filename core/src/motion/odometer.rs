@@ -276,7 +276,8 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             self.pulse = pulse;
             self.received = [false; CHANNELS];
         }
-        // Undo the phase reference.
+        // Undo the phase reference, unless phases are those of the paths themselves.
+        let referenced = reference_path_m != 0.0;
         let turns = |hz: f64| Turns::from_f64(-hz * (reference_path_m / SPEED_OF_LIGHT_M_S));
         let mut phase = turns(ready.setup.start_hz);
         let step = turns(ready.setup.step_hz);
@@ -284,8 +285,11 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         if let Some(row) = self.samples.get_mut(channel) {
             for (place, sample) in row.iter_mut().zip(samples) {
                 finite &= sample.re.is_finite() && sample.im.is_finite();
-                *place = sample * phase.phasor();
-                phase = phase.plus(step);
+                *place = sample;
+                if referenced {
+                    *place *= phase.phasor();
+                    phase = phase.plus(step);
+                }
             }
         }
         if !finite {
