@@ -11,7 +11,7 @@ pub trait WireOdometer: Send {
     /// [`SetupError`].
     fn configure(&mut self, setup: &Setup, antennas: &Antennas<'_>) -> Result<(), SetupError>;
 
-    /// As [`Odometer::channels`].
+    /// Number of channels per pulse, as [`Odometer::channels`].
     fn channels(&self) -> usize;
 
     /// As [`Odometer::start`].

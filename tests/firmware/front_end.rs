@@ -1,4 +1,4 @@
-//! Samples from the front end of the emulated board, a serial port with frames, by the command.
+//! Samples from the front end of the emulated board, a serial port with frames: images by the command, and increments.
 
 use std::io::Write;
 use std::net::{TcpListener, TcpStream};
@@ -10,11 +10,16 @@ use std::time::Duration;
 use crate::emulated::application;
 use subaperture::io::cphd::{Channel, WriteOptions, write};
 use subaperture::io::npy;
+use subaperture::module::link::{Buffers, MotionRun, Session, Settings, open};
 use subaperture::monitor::Silent;
+use subaperture::phase_history::PhaseHistory;
+use subaperture_core::Sc16;
+use subaperture_core::link::write_sc16s;
 use subaperture_tests::error_db;
 use subaperture_tests::firmware::emulator;
-use subaperture_tests::front_end::digitised;
+use subaperture_tests::front_end::{digitised, framed};
 use subaperture_tests::link_recording::recording;
+use subaperture_tests::odometer_scene::{Scene, setup};
 use subaperture_tests::subap::run;
 
 /// The emulated board with frames for its front end.
@@ -104,4 +109,40 @@ fn image_of_front_end_samples_equals_that_of_link() {
             error_db(front_end, link)
         );
     }
+}
+
+/// Increments of front-end samples are bit-identical to those of the core. The host sends the settings only.
+#[test]
+fn increments_of_front_end_samples_equal_those_of_core() {
+    const PULSES: usize = 24;
+    let scene = Scene {
+        short: true,
+        ..Scene::new(2).with_snr_db(40.0, 3)
+    };
+    let samples = (0..PULSES).flat_map(|n| scene.pulse(n));
+    let frames = (0..).zip(samples).flat_map(|(number, samples)| {
+        let narrow: Vec<Sc16> = samples.iter().map(|z| Sc16::from_complex32(*z).0).collect();
+        let mut bytes = vec![0; 4 * narrow.len()];
+        framed(number, write_sc16s(&narrow, &mut bytes).unwrap())
+    });
+    let board = Board::start(&application()[1], frames.collect());
+    let recorded = scene.recorded(PULSES);
+    let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+    let address = format!("tcp://127.0.0.1:{}", board.port);
+    let mut line = open(&address.parse().unwrap(), None, false).unwrap();
+    let mut buffers = Buffers::new();
+    let mut session =
+        Session::open(&mut *line, &mut buffers, Settings::default(), &mut Silent).unwrap();
+    let task = MotionRun {
+        setup: setup(),
+        transmitters_m: &scene.transmitters_m,
+        receivers_m: &scene.receivers_m,
+        channels: &channels,
+        from_front_end: true,
+    };
+    let outcome = session.increments(&task, &mut Silent);
+    println!("{}", session.counts());
+    outcome.ending.unwrap();
+    assert_eq!(outcome.increments, scene.increments(PULSES));
+    assert!(session.counts().bytes_to_module < 1000);
 }

@@ -128,7 +128,7 @@ fn a_stated_pattern_of_unknown_pointing_is_named_in_a_warning() {
     );
 }
 
-/// A strip by antennas on a platform that keeps its attitude, but for what is added to the description.
+/// Strip by antennas on a platform that keeps its attitude, apart from additions to the description.
 const STRIP: &str = r#"name = "strip"
 [scene]
 reference = "0, 300, 0 m"

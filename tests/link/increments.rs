@@ -323,7 +323,7 @@ fn lost_frame_of_front_end_costs_its_pulse() {
     assert!(pulses.into_iter().eq(all_but_one));
     assert_eq!(reported.increments[12].since, 11);
     assert_eq!(counts.module_pulses.lost, 1);
-    // Before the gap nothing differs.
+    // Before the gap all are equal.
     assert_eq!(reported.increments[..12], expected(&short_scene())[..12]);
 }
 
@@ -335,7 +335,7 @@ fn front_end_that_ends_early_leaves_its_increments() {
     };
     let mut some = frames();
     some.truncate(2 * 20);
-    let (reported, _) = by_module(false, Some(some), short_idle.clone());
+    let (reported, _) = by_module(false, Some(some), short_idle);
     reported.ending.unwrap();
     assert_eq!(reported.increments, expected(&short_scene())[..20]);
     let (reported, _) = by_module(false, Some(Vec::new()), short_idle);

@@ -123,8 +123,13 @@ impl Moments {
 /// Abscissae `x_k` of all samples.
 fn abscissae(frequencies: usize) -> impl Iterator<Item = f32> {
     let unit = core::f32::consts::PI / frequencies as f32;
-    let last = frequencies as i32 - 1;
-    (0..).map(move |k: i32| (2 * k - last) as f32 * unit)
+    // `2 k - (F - 1)`, exact in float.
+    let mut twice = 1.0 - frequencies as f32;
+    core::iter::repeat_with(move || {
+        let x = twice * unit;
+        twice += 2.0;
+        x
+    })
 }
 
 /// Fill `phasors` with `exp(+j x_k u)` for all samples.

@@ -276,7 +276,7 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             self.pulse = pulse;
             self.received = [false; CHANNELS];
         }
-        // Undo the phase reference, unless phases are those of the paths themselves.
+        // Undo the phase reference, if there is one.
         let referenced = reference_path_m != 0.0;
         let turns = |hz: f64| Turns::from_f64(-hz * (reference_path_m / SPEED_OF_LIGHT_M_S));
         let mut phase = turns(ready.setup.start_hz);

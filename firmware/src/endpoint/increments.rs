@@ -56,7 +56,7 @@ impl<'a> Increments<'a> {
         self.run.due = false;
     }
 
-    /// Number of channels per pulse.
+    /// Number of channels per pulse, 0 without an odometer.
     pub(super) fn channels(&self) -> u32 {
         self.odometer
             .as_ref()

@@ -180,7 +180,8 @@ pub(crate) struct Input {
     #[arg(long, value_name = "NAME")]
     pub(crate) channel: Option<String>,
 
-    /// Coherent sum of channels that share their pulses (MIMO): all, or a list such as T1R1,T1R2
+    /// Coherent sum of channels that share their pulses (MIMO): all, or a list such as T1R1,T1R2. A module does not sum them: with
+    /// --send detections it detects targets in the first and sends their power and phase in each
     #[arg(long, value_name = "all|A,B", value_parser = several_channels, conflicts_with = "channel")]
     #[serde(deserialize_with = "channels_of_job")]
     pub(crate) channels: Option<SeveralChannels>,
@@ -329,7 +330,8 @@ pub(crate) struct Link {
     #[arg(long, value_name = "N", default_value_t = 3, conflicts_with_all = ["rate", "front_end"])]
     pub(crate) retries: u32,
 
-    /// Let the module read the samples from its own front end; the recording provides the geometry and the frequencies
+    /// Let the module read the samples from its own front end; the recording provides the geometry and the frequencies. With
+    /// --send increments, the antennas and the number of pulses
     #[arg(long, conflicts_with_all = ["rate", "verify", "dry_run"])]
     pub(crate) front_end: bool,
 

@@ -157,7 +157,7 @@ pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
     }
 }
 
-/// Install what is possible of `needs`, and report the others.
+/// Install those of `needs` that can be installed, and report the others.
 pub(crate) fn ensure_if_possible(needs: &[Need], talk: Talk) {
     // All in one call; if that fails, one by one.
     if ensure(needs, Talk::OfFailure).is_ok() {

@@ -5,7 +5,7 @@
 //! received, all channels of its pulse are sent again until it is. Unreadable pulses are skipped; the module estimates the
 //! motion across the gap. To a module in fixed point samples are sent in 16 bits, scaled by a power of two per pulse.
 //!
-//! With samples from the front end of the module nothing is sent, and nothing is repeated.
+//! With samples from the front end of the module, no samples are sent, and a lost increment is not repeated.
 //!
 //! **Output**: [`Increment`]s in the array frame at the previous pulse; see [`subaperture_core::motion`] for their
 //! definition and what they neglect. **Memory**: a pulse of one channel. **Errors**: [`LinkError`]; earlier increments are
@@ -38,7 +38,7 @@ pub struct MotionRun<'a> {
     pub receivers_m: &'a [[f64; 2]],
     /// Channels, transmitters outermost, receivers innermost. Pulse `n` of each belongs to the same time.
     pub channels: &'a [&'a dyn PhaseHistory],
-    /// Whether the samples come from the front end of the module, with the phases of the paths themselves. The recording provides
+    /// Whether the samples come from the front end of the module, with the phase of the full path. The recording provides
     /// the number of pulses only.
     pub from_front_end: bool,
 }

@@ -79,10 +79,10 @@ impl ProductLoad {
         ]
     }
 
-    /// Load of the motion increments of a recording with several channels, whose samples are sent as float32.
-    pub fn of_increments(channels: &Channels<'_>, baud: u32) -> Self {
+    /// Load of the motion increments of a recording with several channels.
+    pub fn of_increments(channels: &Channels<'_>, arithmetic: Arithmetic, baud: u32) -> Self {
         let samples = channels.channel(0).collection().num_samples;
-        let channel_bytes = Encoding::Complex32.sample_bytes() * samples;
+        let channel_bytes = arithmetic.encoding().sample_bytes() * samples;
         let pulses = channels.num_pulses() as u64;
         let up_bytes = channels.len() as u64 * (CHANNEL_BYTES + channel_bytes as u64) * pulses;
         Self::new("increments", up_bytes, [INCREMENT_BYTES * pulses; 2], baud)

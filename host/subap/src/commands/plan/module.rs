@@ -52,7 +52,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         plan: &plan,
         link: plan.link(typed.link),
         products: ProductLoad::of_each(&plan, typed.link),
-        increments: increments(session, typed),
+        increments: increments(session, typed, requirements.arithmetic),
         accumulates: ModuleProduct::Image.check_grid(&grid).is_ok(),
         period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
         patch_m: (!grid.polar).then(|| {
@@ -71,7 +71,11 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
 }
 
 /// Load of motion increments, if the input is one recording with several channels of equal pulses.
-fn increments(session: &Session, typed: &PlanModule) -> Option<ProductLoad> {
+fn increments(
+    session: &Session,
+    typed: &PlanModule,
+    arithmetic: Arithmetic,
+) -> Option<ProductLoad> {
     let [input] = &typed.input.files[..] else {
         return None;
     };
@@ -82,7 +86,7 @@ fn increments(session: &Session, typed: &PlanModule) -> Option<ProductLoad> {
         inference: None,
     };
     let channels = open_channels::<String>(input, None, &options).ok()?;
-    (channels.len() > 1).then(|| ProductLoad::of_increments(&channels, typed.link))
+    (channels.len() > 1).then(|| ProductLoad::of_increments(&channels, arithmetic, typed.link))
 }
 
 /// Print the load of the range profiles of a capture of a stepped-frequency radar.
@@ -231,8 +235,14 @@ impl Sheet<'_> {
             (
                 "sub-CPIs",
                 format!(
-                    "{} of {} pulses, {} frequencies each",
-                    plan.num_sub_cpis, setup.num_pulses, setup.num_frequencies
+                    "{} of {} pulses{}, {} frequencies each",
+                    plan.num_sub_cpis,
+                    setup.num_pulses,
+                    match setup.num_channels {
+                        1 => String::new(),
+                        channels => format!(" in {channels} channels"),
+                    },
+                    setup.num_frequencies
                 ),
             ),
             ("patches", format!("{} of {patch}", plan.patches.len())),
