@@ -23,7 +23,7 @@ use crate::endpoint::{Endpoint, LinkBuffers};
 use crate::front_end::{GeometryQueue, frame::frame_bytes};
 use crate::memory::Placed;
 use crate::place;
-use crate::products::{Chip, ProductBuffers};
+use crate::products::{ChannelValues, Chip, NO_VALUES, ProductBuffers};
 #[cfg(feature = "fixed")]
 use crate::sizes::BLOCKS;
 use crate::sizes::{
@@ -65,6 +65,7 @@ static ODOMETER: Placed<Odometer<TARGETS, CHANNELS, ODOMETER_FREQUENCIES, ODOMET
 static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
     Placed::new(Profiler::new());
 static ACCUMULATED: Placed<[u8; SUB_CPIS / 8]> = Placed::new([0; SUB_CPIS / 8]);
+static VALUES: Placed<ChannelValues> = Placed::new(NO_VALUES);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
 
 /// Geometry of the pulses that wait for samples of the front end.
@@ -98,6 +99,7 @@ pub fn endpoint(kernel: &ChipKernel) -> Option<Endpoint<'_, Engine<'_>>> {
         accumulated: ACCUMULATED.try_take()?,
         kernel,
         columns: COLUMNS.try_take()?,
+        values: VALUES.try_take()?,
     };
     let version = concat!("subaperture ", env!("CARGO_PKG_VERSION"));
     let endpoint = Endpoint::new(processor, buffers, products, version);

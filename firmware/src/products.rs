@@ -31,7 +31,15 @@ pub struct ProductBuffers<'a> {
     pub kernel: &'a ChipKernel,
     /// Column sums for CFAR: one per range bin of the widest map to be searched.
     pub columns: &'a mut [Column],
+    /// Value of each channel's map at the cell of each detection.
+    pub values: &'a mut ChannelValues,
 }
+
+/// Values of each channel by detection.
+pub type ChannelValues = [[Complex32; CHANNELS]; DETECTIONS];
+
+/// Initial value of a static buffer, all bytes zero.
+pub const NO_VALUES: ChannelValues = [[Complex32::ZERO; CHANNELS]; DETECTIONS];
 
 /// Image chip of a patch: its grid and its place among the pixels.
 #[derive(Clone, Copy, Debug)]
@@ -72,8 +80,6 @@ pub(crate) struct Products<'a> {
     buffers: ProductBuffers<'a>,
     pub(crate) cfar: Option<Cfar>,
     pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
-    /// Value of each channel's map at the cell of each detection.
-    pub(crate) values: [[Complex32; CHANNELS]; DETECTIONS],
     num_chips: usize,
     /// Whether the chips accumulate the power of each sub-CPI, in the real parts of their pixels.
     power: bool,
@@ -102,7 +108,6 @@ impl<'a> Products<'a> {
             buffers,
             cfar: None,
             detections: heapless::Vec::new(),
-            values: [[Complex32::ZERO; CHANNELS]; DETECTIONS],
             num_chips: 0,
             power: false,
             sub_cpis: 0,
@@ -137,6 +142,11 @@ impl<'a> Products<'a> {
     pub(crate) fn begin_run(&mut self) {
         self.detections.clear();
         self.next = Next::Done;
+    }
+
+    /// Values of each channel by detection.
+    pub(crate) fn values(&self) -> &ChannelValues {
+        self.buffers.values
     }
 
     /// Chips in the order of their patches.
@@ -295,7 +305,8 @@ impl<'a> Products<'a> {
             }
             Next::Values => {
                 let channel = usize::from(map.header.channel);
-                for (detection, values) in self.detections.iter().zip(&mut self.values) {
+                let all = self.detections.iter().zip(self.buffers.values.iter_mut());
+                for (detection, values) in all {
                     let (doppler_bin, range_bin) = detection.cell();
                     if let Some(value) = values.get_mut(channel) {
                         *value = map.at(doppler_bin, range_bin);

@@ -18,7 +18,7 @@ use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
 use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::front_end::frame::frame_bytes;
 use subaperture_firmware::front_end::{FrameStream, GeometryQueue};
-use subaperture_firmware::products::{Chip, ProductBuffers};
+use subaperture_firmware::products::{Chip, NO_VALUES, ProductBuffers};
 
 use crate::faults::{Device, Faults, FaultyLine};
 use crate::front_end::Port;
@@ -184,6 +184,7 @@ fn serve<E: WireEngine>(
     let mut chips = vec![Chip::EMPTY; 4];
     let mut accumulated = [0; 16];
     let mut columns = vec![Column::EMPTY; ROW];
+    let mut values = Box::new(NO_VALUES);
     let kernel = ChipKernel::new();
     let products = ProductBuffers {
         pixels: &mut pixels,
@@ -191,6 +192,7 @@ fn serve<E: WireEngine>(
         accumulated: &mut accumulated,
         kernel: &kernel,
         columns: &mut columns,
+        values: &mut values,
     };
     let mut odometer = Box::new(Odometer::<8, 4, 64, 256>::new());
     let mut profiler = Box::new(SceneProfiler::new());

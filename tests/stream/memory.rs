@@ -9,7 +9,7 @@ use subaperture_core::stream::{
     PulseStores,
 };
 use subaperture_core::{Complex32, Sc16};
-use subaperture_firmware::products::Chip;
+use subaperture_firmware::products::{ChannelValues, Chip};
 
 #[test]
 fn buffers_have_documented_sizes() {
@@ -71,7 +71,7 @@ fn statics<
             + FixedMap::<F, D, B>::BYTES
             + FixedScratch::<M, F, R, P>::BYTES
             + link,
-        size_of::<[Column; F]>(),
+        size_of::<[Column; F]>() + size_of::<ChannelValues>(),
     ]
 }
 

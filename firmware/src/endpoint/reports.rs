@@ -163,7 +163,7 @@ impl<E: WireEngine> Module<'_, E> {
         };
         let (all, channels) = (&self.products.detections, self.channels());
         let rest = all.get(first..).unwrap_or(&[]);
-        let values = self.products.values.get(first..).unwrap_or(&[]);
+        let values = self.products.values().get(first..).unwrap_or(&[]);
         // A short row buffer holds fewer detections.
         let bytes = MAX_LIST_BYTES.min(self.row.len());
         let most = (bytes / detection_bytes(channels.into())).max(1);

@@ -16,7 +16,7 @@ use subaperture_core::stream::{
 use subaperture_core::{Pulse, Sc16};
 use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
 use subaperture_firmware::engine::WireEngine;
-use subaperture_firmware::products::{Chip as ChipPlace, ProductBuffers};
+use subaperture_firmware::products::{Chip as ChipPlace, NO_VALUES, ProductBuffers};
 use subaperture_tests::stream_scene::{Scene, patch};
 use subaperture_tests::sweep_scene::{BINS, SceneProfiler};
 
@@ -126,6 +126,7 @@ impl<E: WireEngine + 'static> Bench<E> {
             accumulated: vec![0; 2].leak(),
             kernel: Box::leak(Box::new(ChipKernel::new())),
             columns: vec![Column::EMPTY; frequencies].leak(),
+            values: Box::leak(Box::new(NO_VALUES)),
         };
         Self {
             endpoint: Endpoint::new(processor, link, products, "bench")

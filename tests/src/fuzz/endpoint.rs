@@ -13,7 +13,7 @@ use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FloatBuffers, FloatEngine};
 use subaperture_core::sweep::Profiler;
 use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
-use subaperture_firmware::products::{Chip, ProductBuffers};
+use subaperture_firmware::products::{ChannelValues, Chip, NO_VALUES, ProductBuffers};
 
 use super::{choice, wire};
 use crate::link_scene::{self, Kept, bits};
@@ -37,6 +37,7 @@ pub(super) struct Bench {
     chips: Vec<Chip>,
     accumulated: Vec<u8>,
     columns: Vec<Column>,
+    values: Box<ChannelValues>,
     kernel: ChipKernel,
     odometer: Box<Odometer<4, 2, 32, 64>>,
     profiler: Box<Profiler<8, 16, 32>>,
@@ -53,6 +54,7 @@ impl Bench {
             chips: vec![Chip::EMPTY; 4],
             accumulated: vec![0; 16],
             columns: vec![Column::EMPTY; ROW],
+            values: Box::new(NO_VALUES),
             kernel: ChipKernel::new(),
             odometer: Box::default(),
             profiler: Box::default(),
@@ -71,6 +73,7 @@ impl Bench {
             accumulated: &mut self.accumulated,
             kernel: &self.kernel,
             columns: &mut self.columns,
+            values: &mut self.values,
         };
         let endpoint = Endpoint::new(self.buffers.processor(), link, products, "module");
         let endpoint = endpoint.with_odometer(&mut *self.odometer);

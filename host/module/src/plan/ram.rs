@@ -17,7 +17,7 @@
 //! | link, sent | the received size, plus one per 254 bytes or part thereof, plus one | the same |
 //! | link, row | `8 F` | the same |
 //!
-//! This is all static memory of a firmware of these sizes except for its options: `32 F` for detections
+//! This is all static memory of a firmware of these sizes except for its options: `32 F + 1024` for detections
 //! ([`RamBudget::detections_bytes`]), and [`image_bytes`] for an image that the module accumulates. Code and stack are not
 //! counted.
 //!
@@ -35,6 +35,9 @@ const COMPLEX_BYTES: usize = 8;
 
 /// Bytes of the description of an image chip: grid, first pixel, counter.
 const CHIP_BYTES: u64 = 88;
+
+/// Bytes of the values of up to 4 channels at up to 32 detections.
+const VALUES_BYTES: u64 = 32 * 4 * COMPLEX_BYTES as u64;
 
 /// Memory for accumulating an image of `pixels` pixels in `patches` patches over `sub_cpis` sub-CPIs: 8 bytes per pixel, 88 per
 /// patch, and one bit per sub-CPI.
@@ -105,7 +108,7 @@ impl RamBudget {
         Self {
             total_bytes: buffers.iter().map(|buffer| buffer.bytes).sum(),
             buffers,
-            detections_bytes: (size_of::<Column>() * frequencies) as u64,
+            detections_bytes: (size_of::<Column>() * frequencies) as u64 + VALUES_BYTES,
         }
     }
 }
@@ -175,7 +178,7 @@ mod tests {
         let engine = [203_520, 4320, 139_072, 8192, 1200, 1696, 512];
         assert_eq!(bytes(&float), [&engine[..], &link].concat());
         assert_eq!(float.total_bytes, 358_512 + 10_594);
-        assert_eq!(float.detections_bytes, 32 * 424);
+        assert_eq!(float.detections_bytes, 32 * 424 + 1024);
         assert_eq!(image_bytes(1000, 4, 9), 8000 + 352 + 2);
         // 14 blocks and one; 41 * (1696 + 15) + 424 = 70 575, rounded up.
         let fixed = RamBudget::new(&capacity, Arithmetic::Fixed);
