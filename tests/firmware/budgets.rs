@@ -23,13 +23,13 @@ fn every_figure_is_within_its_budget() {
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
-/// A map without Keystone needs at most 1.65 times the instructions of its range transforms; with 128 points in fixed point, the
-/// transforms are 62 % of it.
+/// A map without Keystone needs at most 1.75 times the instructions of its range transforms; with 128 points in fixed point, the
+/// transforms are 58 % of it.
 fn check_ratio(figures: &Figures, failures: &mut Vec<String>) {
     let ratio = figures.ratio();
-    if ratio.is_nan() || ratio > 1.65 {
+    if ratio.is_nan() || ratio > 1.75 {
         failures.push(format!(
-            "{}: a map without Keystone over its transforms is {ratio:.3}, budget 1.65",
+            "{}: a map without Keystone over its transforms is {ratio:.3}, budget 1.75",
             figures.name
         ));
     }
@@ -49,21 +49,21 @@ const BUDGETS: &[(&str, [u64; 4])] = &[
     ("begin", [8_150, 13_200, 15_900, 25_300]),
     ("compensation", [92_400, 820_000, 997_000, 1_680_000]),
     ("keystone", [210_800, 3_830_000, 5_385_000, 12_400_000]),
-    ("rows", [369_500, 4_920_000, 9_232_000, 16_000_000]),
-    ("ffts", [291_300, 4_240_000, 8_260_000, 14_600_000]),
-    ("map", [680_500, 9_580_000, 15_630_000, 30_000_000]),
+    ("rows", [326_400, 4_923_000, 8_281_000, 15_940_000]),
+    ("ffts", [248_100, 4_240_000, 6_977_000, 14_530_000]),
+    ("map", [639_000, 9_601_000, 14_690_000, 30_000_000]),
     // Instructions of the other stages, and the longest step of each kind.
     ("nodes", [850, 1_440, 1_440, 2_560]),
     ("receive_pulses", [207_800, 4_033_000, 2_159_000, 9_217_000]),
     ("products", [6_425_000, 9_365_000, 15_890_000, 15_760_000]),
     ("send_map", [166_100, 4_758_000, 2_544_000, 8_626_000]),
     ("column_worst", [5_380, 11_900, 15_950, 29_500]),
-    ("row_worst", [23_110, 112_000, 207_500, 234_000]),
+    ("row_worst", [20_500, 112_000, 185_300, 234_600]),
     ("products_worst", [191_000, 52_340, 191_800, 52_370]),
     ("receive_worst", [12_900, 127_000, 67_920, 150_200]),
     ("send_worst", [9_235, 105_600, 56_320, 125_000]),
     // Over random setups.
-    ("random_work_worst", [191_000, 107_600, 201_500, 230_600]),
+    ("random_work_worst", [191_000, 108_200, 191_000, 230_600]),
     ("random_receive_worst", [11_100, 122_900, 65_760, 126_200]),
     ("random_send_worst", [8_198, 103_600, 54_770, 122_500]),
     // Of all steps; with the longest sent frame, so that a received byte waits at most 0.9 ms at 400 MHz.

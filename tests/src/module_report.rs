@@ -458,7 +458,7 @@ were not counted. `subap plan module --ram` plans buffers for any other size.
 counter, 1024 and 128 points take 112 and 11.8 thousand instructions with `arm_cfft_q31` of CMSIS-DSP (commit ec1bb752,
 GCC 12.2, `-O3`), 59.8 and 6.9 thousand with `arm_cfft_q15`. Those scale every stage by a fixed factor, and `arm_cfft_q31` keeps
 the upper halves of products without rounding; `fixed_point::fft` rounds them, and scales a stage only if it must, which takes
-the magnitude of every part. It takes 1.4 times as many instructions as `arm_cfft_q31` with 128 points, 1.6 times with 1024.
+the magnitude of every part. It takes 1.2 times as many instructions as `arm_cfft_q31` with 128 points, 1.4 times with 1024.
 
 *Keystone* folds pulses `u` and `-u` and processes the bins `d` and `-d` together, so its unit is a pair of
 pulses at a pair of bins. In float32 a unit takes 4 products and 4 sums for the bins, 4 products and

@@ -17,7 +17,9 @@
 //!
 //! **Accuracy**, relative RMS error: -154 dB or better on noise of amplitude `2^31`, -129 dB on noise of `2^20`,
 //! for all lengths (`tests/stream/fixed_stages.rs`). **Cost**: no memory; `N/4 log4 N` radix-4 butterflies of 12
-//! multiplications of 32 x 32 bits, whose upper halves are rounded; `N` twiddle factors are read from the table.
+//! multiplications of 32 x 32 bits, whose upper halves are rounded; `N` twiddle factors are read from the table. A stage finds the
+//! magnitude of its outputs, except the last one. The first one has no multiplications, and no shifts if the input is at most
+//! `2^28` ([`inverse_bounded`]).
 //!
 //! ```
 //! use num_complex::Complex;
@@ -47,11 +49,15 @@ pub const fn place(index: usize, length: usize) -> usize {
 ///
 /// A buffer whose length is not a power of two from 2 to 4096 is left unchanged.
 pub fn inverse(buffer: &mut [Complex<i32>]) -> u32 {
+    inverse_bounded(buffer, magnitude_bits(buffer))
+}
+
+/// As [`inverse`], for parts known to be in `-2^bits .. 2^bits`, which saves finding their magnitude.
+pub fn inverse_bounded(buffer: &mut [Complex<i32>], mut bits: u32) -> u32 {
     let length = buffer.len();
     if !crate::fft::supports(length) {
         return 0;
     }
-    let mut bits = magnitude_bits(buffer);
     let mut shifts = 0;
     let mut part = 1;
     if length.ilog2() % 2 == 1 {
@@ -68,7 +74,10 @@ pub fn inverse(buffer: &mut [Complex<i32>]) -> u32 {
             shifts += 1;
             shift = QUARTER_BITS;
         }
-        bits = radix_4(buffer, part, shift);
+        bits = match 4 * part < length {
+            true => radix_4::<false>(buffer, part, shift),
+            false => radix_4::<true>(buffer, part, shift),
+        };
         shifts += shift;
         part *= 4;
     }
@@ -124,42 +133,48 @@ fn radix_2(buffer: &mut [Complex<i32>], shift: u32) -> u32 {
     u32::BITS - mask.leading_zeros()
 }
 
-/// Radix-4 stage: combine four transforms of `part` points. Returns the magnitude bits of the result.
+/// Radix-4 stage: combine four transforms of `part` points. Returns the magnitude bits of the result, or 32 for the last stage.
 ///
 /// Butterflies with the same twiddle factors, one in each block of `4 part` points, follow each other.
-fn radix_4(buffer: &mut [Complex<i32>], part: usize, shift: u32) -> u32 {
-    let mut mask = 0;
+fn radix_4<const LAST: bool>(buffer: &mut [Complex<i32>], part: usize, shift: u32) -> u32 {
+    let mut mask = if LAST { u32::MAX } else { 0 };
     // Products are a quarter of the rotated values.
     let left = QUARTER_BITS - shift;
     // Twiddle factor j of 4 part points is table point j stride of 4096; part is at least 1.
     let stride = (sine::POINTS / 4) >> part.ilog2();
     let buffer = Cell::from_mut(buffer).as_slice_of_cells();
+    // The first stage rarely shifts, and has no other butterflies.
     for block in buffer.chunks_exact(4 * part) {
-        mask |= butterfly(block, 0, part, shift, |y, _| shifted(y, shift));
+        mask |= match shift {
+            0 => butterfly(block, 0, part, |y, _| y),
+            _ => butterfly(block, 0, part, |y, _| shifted(y, shift)),
+        };
     }
     for j in 1..part {
         let twiddles = [1, 2, 3].map(|n| sine::unit(n * j * stride));
         for block in buffer.chunks_exact(4 * part) {
-            mask |= butterfly(block, j, part, shift, |y, n| match twiddles.get(n) {
-                Some(twiddle) => {
-                    let y = Complex::new(y.re.wrapping_shl(left), y.im.wrapping_shl(left));
-                    sine::product(y, *twiddle)
+            let own = butterfly(block, j, part, |y, n| {
+                match twiddles.get(n.wrapping_sub(1)) {
+                    Some(twiddle) => {
+                        let y = Complex::new(y.re.wrapping_shl(left), y.im.wrapping_shl(left));
+                        sine::product(y, *twiddle)
+                    }
+                    None => shifted(y, shift),
                 }
-                None => y,
             });
+            mask |= if LAST { 0 } else { own };
         }
     }
     u32::BITS - mask.leading_zeros()
 }
 
-/// Butterfly of the points `j` of four transforms in `block`. `rotated` shifts and applies twiddle factor 0, 1 or 2. Returns
-/// the magnitude mask of the result.
+/// Butterfly of the points `j` of four transforms in `block`. `rotated` shifts a point and applies the twiddle factor of its number, 0 to
+/// 3. Returns the magnitude mask of the result.
 #[inline(always)]
 fn butterfly(
     block: &[Cell<Complex<i32>>],
     j: usize,
     part: usize,
-    shift: u32,
     rotated: impl Fn(Complex<i32>, usize) -> Complex<i32>,
 ) -> u32 {
     // Bit-reversed order: the sub-transform of samples 4n + 2 precedes that of 4n + 1.
@@ -167,12 +182,12 @@ fn butterfly(
     let (Some(a), Some(c), Some(b), Some(d)) = (at(0), at(1), at(2), at(3)) else {
         return 0;
     };
-    let (y1, y3) = (rotated(b.get(), 0), rotated(d.get(), 2));
+    let (y1, y3) = (rotated(b.get(), 1), rotated(d.get(), 3));
     let (t2, t3) = (y1 + y3, y1 - y3);
     let t3 = Complex::new(-t3.im, t3.re);
     // Keeps the compiler from loading the other two before: the registers do not hold all.
     black_box(());
-    let (y0, y2) = (shifted(a.get(), shift), rotated(c.get(), 1));
+    let (y0, y2) = (rotated(a.get(), 0), rotated(c.get(), 2));
     let (t0, t1) = (y0 + y2, y0 - y2);
     // Outputs j + q part: zeroth, second, first and third are stored at offsets of 0, 1, 2 and 3 parts.
     let outputs = [t0 + t2, t1 + t3, t0 - t2, t1 - t3];

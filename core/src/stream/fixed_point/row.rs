@@ -33,7 +33,7 @@ pub(super) fn compress(row: &[Sc16], exponents: &[i8], work: &mut [Complex<i32>]
             );
         }
     }
-    let shifts = fft::inverse(work);
+    let shifts = fft::inverse_bounded(work, 15 + LIFT_BITS);
     i32::from(highest) - 15 - LIFT_BITS as i32 + shifts as i32
 }
 
