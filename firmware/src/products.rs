@@ -326,7 +326,7 @@ impl<'a> Products<'a> {
         let (range, grid) = chip.grid.step(step)?;
         let pixels = self.buffers.pixels.get_mut(chip.first_pixel as usize..)?;
         let pixels = pixels.get_mut(range)?;
-        let (mut look, mut power) = ([Complex32::ZERO; STEP], [0.0; STEP]);
+        let mut look = [Complex32::ZERO; STEP];
         let look = look.get_mut(..pixels.len())?;
         // The map is normalised by its number of pulses; the chip will be by the sum of all weights, a look by those of its map.
         let pulses = f32::from(map.header.num_pulses);
@@ -338,14 +338,7 @@ impl<'a> Products<'a> {
         // Cannot fail: the pixels have the length of the grid.
         let inside = add_patch_map(sums, &grid, setup, map, self.buffers.kernel, weight).ok()?;
         if self.power {
-            let power = power.get_mut(..look.len())?;
-            for (power, pixel) in power.iter_mut().zip(&*pixels) {
-                *power = pixel.re;
-            }
-            add_power(power, look).ok()?;
-            for (pixel, power) in pixels.iter_mut().zip(power) {
-                pixel.re = *power;
-            }
+            add_power(pixels.iter_mut().map(|pixel| &mut pixel.re), look).ok()?;
         }
         let left_out = pixels.len().saturating_sub(inside) as u32;
         chip.left_out = chip.left_out.saturating_add(left_out);

@@ -9,7 +9,7 @@ use num_complex::Complex32;
 
 use crate::LengthError;
 
-/// Add the power of `samples` to `power`, element by element.
+/// Add the power of `samples` to `power`, element by element. `power` may be the real parts of pixels.
 ///
 /// ```
 /// use subaperture_core::Complex32;
@@ -22,9 +22,13 @@ use crate::LengthError;
 ///
 /// # Errors
 /// [`LengthError`] if the lengths differ. Nothing is then written.
-pub fn add_power(power: &mut [f32], samples: &[Complex32]) -> Result<(), LengthError> {
+pub fn add_power<'a>(
+    power: impl IntoIterator<Item = &'a mut f32, IntoIter: ExactSizeIterator>,
+    samples: &[Complex32],
+) -> Result<(), LengthError> {
+    let power = power.into_iter();
     LengthError::check("power", samples.len(), power.len())?;
-    for (sum, sample) in power.iter_mut().zip(samples) {
+    for (sum, sample) in power.zip(samples) {
         *sum += sample.norm_sqr();
     }
     Ok(())

@@ -144,7 +144,7 @@ impl SelfTest {
                 .map_err(SelfTestError::Buffer)?;
             let map = Map::new(*plan.axes(), map).map_err(SelfTestError::Buffer)?;
             add_map(&mut self.image, &grid, &map, &centre, 0.5).map_err(SelfTestError::Buffer)?;
-            add_power(power, map.samples()).map_err(SelfTestError::Buffer)?;
+            add_power(&mut *power, map.samples()).map_err(SelfTestError::Buffer)?;
             checksum.add_samples(map.samples());
         }
         checksum.add_samples(&self.image);

@@ -9,7 +9,7 @@
 //! `tests/firmware/gotcha.rs`.
 
 use num_complex::Complex32;
-use subaperture_core::accumulate::{ChipKernel, add_patch_map};
+use subaperture_core::accumulate::{ChipKernel, add_patch_map, add_power};
 use subaperture_core::link::{CHIP_PART_PIXELS, ChipGrid, PixelEncoding, Row, write_pixels};
 
 use crate::link::{AccumulatedImage, HostCore, ImageRequest, ImageSum};
@@ -135,9 +135,8 @@ pub fn by_host_core(
                     ImageSum::Power => {
                         let mut look = vec![Complex32::ZERO; pixels.len()];
                         let inside = add(&mut look, weight / map.header.weight_sum);
-                        for (pixel, look) in pixels.iter_mut().zip(look) {
-                            pixel.re += look.norm_sqr();
-                        }
+                        add_power(pixels.iter_mut().map(|pixel| &mut pixel.re), &look)
+                            .expect("as many pixels as the look has");
                         inside
                     }
                 };
