@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use subaperture::module::accumulated::by_host_core;
 use subaperture::module::link::{
-    AccumulatedImage, Buffers, ChannelDetection, Counts, DetectionSink, HostCore, LinkError,
-    Outcome, Session, SessionObserver, Settings, SinkError, TransferEnd,
+    AccumulatedImage, Buffers, ChannelDetection, Counts, DetectionSink, HostCore, ImageRequest,
+    LinkError, Outcome, Session, SessionObserver, Settings, SinkError, TransferEnd,
 };
 use subaperture::monitor::Silent;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
@@ -131,6 +131,99 @@ fn image_survives_failures_of_the_line() {
     assert_eq!((counts.reconnects, counts.restarts), (2, 0));
     // The module was not configured again, and only cut sub-CPIs were repeated.
     assert!(counts.pulses_sent < PULSES as u64 + 3 * 8, "{counts}");
+}
+
+/// Observer that keeps the previews, and cancels after so many.
+#[derive(Default)]
+struct Previews {
+    images: Vec<AccumulatedImage>,
+    most: Option<usize>,
+}
+
+impl SessionObserver for Previews {
+    fn preview(&mut self, image: &AccumulatedImage) {
+        self.images.push(image.clone());
+    }
+
+    fn cancelled(&self) -> bool {
+        self.most.is_some_and(|most| self.images.len() >= most)
+    }
+}
+
+/// Image with two previews; both previews and image were compared with the core.
+fn previewed(faults: Faults, most: Option<usize>) -> (Outcome, Vec<AccumulatedImage>) {
+    let scene = image_scene();
+    let recording = recorded(&scene);
+    let mut module = Module::behind(faults, Manner::default());
+    let mut buffers = Buffers::new();
+    let mut session =
+        Session::open(&mut module, &mut buffers, settings(1000), &mut Silent).unwrap();
+    let request = ImageRequest {
+        previews: 2,
+        ..COHERENT
+    };
+    let mut previews = Previews {
+        images: Vec::new(),
+        most,
+    };
+    let mut work = job(&scene, &recording, Encoding::Complex32);
+    let (outcome, image) = session.accumulate(&mut work, request, &mut previews);
+    println!("{}", outcome.counts);
+    let mut images = previews.images;
+    images.push(image);
+    for image in &images {
+        assert!(image.chips.iter().all(Option::is_some));
+        judge_image(image);
+        let mut core = HostCore::new(job(&scene, &recording, Encoding::Complex32)).unwrap();
+        let expected = by_host_core(&mut core, COHERENT, &image.sub_cpis).unwrap();
+        assert_eq!(*image, expected);
+    }
+    (outcome, images)
+}
+
+#[test]
+fn previews_are_images_of_the_sub_cpis_so_far() {
+    let (outcome, images) = previewed(Faults::default(), None);
+    assert!(matches!(outcome.ending, TransferEnd::Complete));
+    let counts = &outcome.counts;
+    assert_eq!((counts.runs, counts.pulses_sent), (3, PULSES as u64));
+    let sub_cpis: Vec<usize> = images.iter().map(|image| image.sub_cpis.len()).collect();
+    assert_eq!(sub_cpis, [4, 8, 12]);
+    assert_eq!(sub_cpis[2], MAPS / 2);
+    // Without previews there are none, also where sub-CPIs are repeated in several runs.
+    let (outcome, _) = complete(Faults::default(), settings(3));
+    assert_eq!(outcome.counts.runs, 1);
+}
+
+#[test]
+fn previews_over_a_bad_line_have_no_wrong_pixel() {
+    for seed in 1..4 {
+        let faults = Faults {
+            seed,
+            bit_errors: 1e-4,
+            dies_at: vec![5_000],
+            restarts_at: if seed == 3 { vec![9_000] } else { Vec::new() },
+            ..Faults::default()
+        };
+        let (outcome, images) = previewed(faults, None);
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
+        assert!(images.len() >= 3, "{}", images.len());
+        assert_eq!(images[images.len() - 1].sub_cpis.len(), MAPS / 2);
+    }
+}
+
+#[test]
+fn cancellation_after_a_preview_keeps_its_image() {
+    let (outcome, images) = previewed(Faults::default(), Some(1));
+    assert!(matches!(
+        outcome.ending,
+        TransferEnd::Failed(LinkError::Cancelled)
+    ));
+    assert!(images[1].sub_cpis.len() >= images[0].sub_cpis.len());
+    assert!(images[1].sub_cpis.len() < MAPS / 2);
 }
 
 /// Observer that cancels after so many bytes from the module.

@@ -53,11 +53,13 @@ pub const CHIPS: [ChipGrid; 2] = [
 pub const COHERENT: ImageRequest<'static> = ImageRequest {
     chips: &CHIPS,
     sum: ImageSum::Coherent,
+    previews: 0,
 };
 
 /// The mean power of the sub-CPIs on [`CHIPS`].
 pub const POWER: ImageRequest<'static> = ImageRequest {
     sum: ImageSum::Power,
+    previews: 0,
     ..COHERENT
 };
 

@@ -103,7 +103,7 @@ pub fn by_host_core(
     sub_cpis: &[u32],
 ) -> Result<AccumulatedImage, ReadError> {
     let kernel = ChipKernel::new();
-    let ImageRequest { chips, sum } = request;
+    let ImageRequest { chips, sum, .. } = request;
     let mut sums: Vec<Vec<Complex32>> = chips
         .iter()
         .map(|chip| vec![Complex32::ZERO; chip.num_pixels()])

@@ -344,7 +344,8 @@ pub(crate) struct Link {
     #[arg(long, value_name = "LEVEL")]
     pub(crate) events: Option<EventLevel>,
 
-    /// PNG file of the image so far, updated about once a second; only with --send maps
+    /// PNG file of the image so far: with --send maps updated about once a second, with --send image eight times, each for the bytes
+    /// of an image
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
 

@@ -8,7 +8,7 @@ use subaperture_core::link::{ChipAssembly, Encoding, MapAssembly, Report, row_by
 use super::counts::Counts;
 use super::ending::LinkError;
 use super::job::Wanted;
-use super::products::{ChannelDetection, DetectionAssembly, Products};
+use super::products::{AccumulatedImage, ChannelDetection, DetectionAssembly, Products};
 
 /// Reassembles products and passes the requested ones to their receiver, once each.
 ///
@@ -181,6 +181,14 @@ impl<'c> Intake<'c> {
     pub(super) fn next_chip(&self) -> Option<u16> {
         match &self.products {
             Products::Image(_, image) if !image.sub_cpis.is_empty() => image.next_chip(),
+            _ => None,
+        }
+    }
+
+    /// Take the received image as a preview.
+    pub(super) fn take_preview(&mut self) -> Option<AccumulatedImage> {
+        match &mut self.products {
+            Products::Image(_, image) => Some(image.take_preview()),
             _ => None,
         }
     }

@@ -26,6 +26,10 @@ pub struct ImageRequest<'a> {
     pub chips: &'a [ChipGrid],
     /// Sum over the sub-CPIs.
     pub sum: ImageSum,
+    /// Number of previews: images of the sub-CPIs so far, evenly distributed over the job
+    /// ([`SessionObserver::preview`](super::SessionObserver::preview)). Each takes the bytes of an image. None at a fixed pulse rate or with
+    /// samples from the front end of the module, which do not wait.
+    pub previews: u32,
 }
 
 /// Sum of the sub-CPIs of an image.
@@ -125,6 +129,17 @@ impl AccumulatedImage {
             chips: vec![None; chips],
             ..Self::default()
         };
+    }
+
+    /// Take the image as a preview, and forget its chips, which will be requested again.
+    pub(super) fn take_preview(&mut self) -> Self {
+        let chips = vec![None; self.chips.len()];
+        let left_out = std::mem::take(&mut self.left_out);
+        Self {
+            chips: std::mem::replace(&mut self.chips, chips),
+            left_out,
+            ..self.clone()
+        }
     }
 
     /// First chip that was not received.

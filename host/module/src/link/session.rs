@@ -39,6 +39,11 @@ pub trait SessionObserver {
         let _ = event;
     }
 
+    /// Image of the sub-CPIs that the module has accumulated so far, if [`ImageRequest::previews`] requests it.
+    fn preview(&mut self, image: &AccumulatedImage) {
+        let _ = image;
+    }
+
     /// Message of the session.
     fn log(&mut self, text: &str) {
         let _ = text;
@@ -250,6 +255,9 @@ impl Connection<'_> {
         let mut event = Event::Begun;
         loop {
             let step = conversation.step(event, Instant::now(), &mut self.line.outbox);
+            if let Some(image) = conversation.take_preview() {
+                watch.preview(&image);
+            }
             let done = match step {
                 Step::Exchange(wait) => self.exchange(wait, conversation, watch),
                 Step::Pulse(number) => self.send(number, pulses.as_deref_mut()),

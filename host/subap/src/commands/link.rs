@@ -84,7 +84,7 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
     let sent = typed.send.name();
     let other_slow_window = typed.windows.slow_window != Window::default();
     for (option, given, expected) in [
-        ("--picture", typed.picture.is_some(), &["maps"][..]),
+        ("--picture", typed.picture.is_some(), &["maps", "image"][..]),
         ("--power", typed.power, &["image"]),
         ("--verify", typed.verify, &["maps", "image"]),
         (
@@ -109,6 +109,14 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
                 expected.join(" or ")
             )));
         }
+    }
+    let paced = typed.rate.is_some() || typed.front_end;
+    if typed.picture.is_some() && typed.send == Sent::Image && paced {
+        return Err(Usage(
+            "--picture: with --send image expected pulses that can wait, found --rate or --front-end: leave --picture out, or \
+             give --send maps"
+                .to_owned(),
+        ));
     }
     Line::of(typed).check()
 }

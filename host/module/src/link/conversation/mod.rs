@@ -32,7 +32,7 @@
 //! **Images.** A module that accumulates an image is asked after each run which sub-CPIs the image contains
 //! (`State::Listing`), and for the chips of all patches when no run is left (`State::Collecting`). After a failure of the line
 //! the image is still there: the module is not configured again, and the list shows the missing sub-CPIs. After a restart of the
-//! module everything is sent again.
+//! module everything is sent again. For previews a pass is divided into runs, and the chips are collected after each of them.
 //!
 //! **Error recovery.** After a line failure, silence, a restart of the module, or lack of progress: reconnect, greet, abort the
 //! current run, configure, and continue with what is missing of the run. Recovery is abandoned after eight failures without a
@@ -59,6 +59,7 @@ use super::ending::LinkError;
 use super::identity::Identity;
 use super::intake::Intake;
 use super::line::Outbox;
+use super::products::{AccumulatedImage, Request};
 pub(super) use configuring::JobSettings;
 use configuring::{Setting, is_misattributed};
 pub(super) use news::Ledger;
@@ -113,6 +114,10 @@ pub(super) struct Conversation<'c> {
     in_run: bool,
     /// The module was configured for this job.
     configured: bool,
+    /// The chips being collected are a preview.
+    previewing: bool,
+    /// Preview that was received.
+    preview: Option<AccumulatedImage>,
 }
 
 impl<'c> Conversation<'c> {
@@ -125,6 +130,11 @@ impl<'c> Conversation<'c> {
     ) -> Self {
         let now = Instant::now();
         let (settings, from_front_end) = (ledger.settings, job.from_front_end);
+        let sub_cpis = intake.wanted().num_sub_cpis();
+        let most = match job.request {
+            Request::Image(image) => sub_cpis.div_ceil(image.previews.saturating_add(1)),
+            _ => u32::MAX,
+        };
         Self {
             ledger,
             intake,
@@ -142,10 +152,13 @@ impl<'c> Conversation<'c> {
             runs: Runs::new(
                 settings.retries,
                 settings.rate_hz.is_some() || from_front_end,
+                most,
             ),
             clock: None,
             in_run: false,
             configured: false,
+            previewing: false,
+            preview: None,
         }
     }
 
@@ -162,6 +175,11 @@ impl<'c> Conversation<'c> {
     /// Sub-CPI and patch of every missing map.
     pub(super) fn missing_maps(&self) -> Vec<(u32, u16)> {
         self.intake.missing_maps()
+    }
+
+    /// Take the preview that was received, if any.
+    pub(super) fn take_preview(&mut self) -> Option<AccumulatedImage> {
+        self.preview.take()
     }
 
     /// Process `event` and return the next action.
@@ -243,7 +261,7 @@ impl<'c> Conversation<'c> {
             }
             (State::Listing(_), _) => news.listed.map(|next| match next {
                 Some(first) => State::Listing(first),
-                None => self.next_run(),
+                None => self.preview_or_next_run(),
             }),
             (State::Collecting(patch), _) => {
                 if news.map {
@@ -251,7 +269,12 @@ impl<'c> Conversation<'c> {
                 }
                 match self.intake.next_chip() {
                     Some(next) if next == patch => None,
-                    next => Some(next.map_or(State::Over, State::Collecting)),
+                    Some(next) => Some(State::Collecting(next)),
+                    None if mem::take(&mut self.previewing) => {
+                        self.preview = self.intake.take_preview();
+                        Some(self.next_run())
+                    }
+                    None => Some(State::Over),
                 }
             }
             _ => None,

@@ -10,6 +10,7 @@ use super::streaming::{Clock, Progress, Stream};
 use super::{Conversation, State, Step, TICK, since};
 use crate::link::ending::LinkError;
 use crate::link::line::Outbox;
+use crate::link::products::Request;
 
 /// Backlog in bytes above which no pulse is added, so that answers stay prompt.
 const BACKLOG_BYTES: usize = 8192;
@@ -32,6 +33,18 @@ impl Conversation<'_> {
         }
     }
 
+    /// State that requests a preview between two runs of a pass, or that of the next run.
+    pub(super) fn preview_or_next_run(&mut self) -> State {
+        let wanted = matches!(self.job.request, Request::Image(image) if image.previews > 0);
+        match self.intake.next_chip() {
+            Some(patch) if wanted && self.runs.has_next() => {
+                self.previewing = true;
+                State::Collecting(patch)
+            }
+            _ => self.next_run(),
+        }
+    }
+
     /// Prepare to fetch the image that a cancelled conversation has accumulated: the next steps end the run, and request the
     /// list of sub-CPIs and the chips. Returns false if the module holds no image.
     pub(in crate::link) fn abandon_runs(&mut self) -> bool {
@@ -50,6 +63,7 @@ impl Conversation<'_> {
     /// Configure the module, which discards its image.
     pub(super) fn configure_anew(&mut self) -> State {
         self.configured = false;
+        self.previewing = false;
         if self.intake.is_image() {
             self.intake.reset_image(&mut self.ledger.counts);
             self.runs.start_over();

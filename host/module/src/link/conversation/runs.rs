@@ -11,6 +11,8 @@ pub(super) struct Runs {
     /// Maximum number of passes over missing maps, and number started.
     most_passes: u32,
     passes: u32,
+    /// Maximum number of sub-CPIs per run.
+    most: u32,
     /// Ranges left in this pass.
     todo: VecDeque<Range<u32>>,
     /// Sub-CPIs of the current run.
@@ -22,11 +24,12 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// Plan one pass over all sub-CPIs and up to `retries` passes over those with missing maps, or one pass only if pulses
-    /// occur `once`.
-    pub(super) fn new(retries: u32, once: bool) -> Self {
+    /// Plan one pass over all sub-CPIs and up to `retries` passes over those with missing maps, in runs of at most `most` sub-CPIs. If
+    /// pulses occur `once`, one pass in one run.
+    pub(super) fn new(retries: u32, once: bool, most: u32) -> Self {
         Self {
             most_passes: if once { 1 } else { retries.saturating_add(1) },
+            most: if once { u32::MAX } else { most.max(1) },
             passes: 0,
             todo: VecDeque::new(),
             current: 0..0,
@@ -51,9 +54,20 @@ impl Runs {
             self.passes += 1;
             self.todo = intake.missing(0..intake.wanted().num_sub_cpis());
         }
-        self.current = self.todo.pop_front()?;
+        let mut next = self.todo.pop_front()?;
+        let end = next.end.min(next.start.saturating_add(self.most));
+        if end < next.end {
+            self.todo.push_front(end..next.end);
+            next.end = end;
+        }
+        self.current = next;
         self.taken_before = taken;
         Some(self.current.clone())
+    }
+
+    /// Whether this pass has another run.
+    pub(super) fn has_next(&self) -> bool {
+        !self.todo.is_empty()
     }
 
     /// Sub-CPIs missing from the interrupted run; at a fixed rate, only those still to come.

@@ -1,21 +1,24 @@
 //! `subap link --send image`: the module accumulates the image, which is received once.
 
+use std::io::Write as _;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use num_complex::Complex32;
 use serde_json::{Value, json};
+use subaperture::io::atomic::write_atomically;
 use subaperture::io::product::Antennas;
 use subaperture::io::product::record::{self, Brightest};
-use subaperture::io::written::WrittenFile;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::module::accumulated::{Unsuited, assemble, by_host_core, chips};
 use subaperture::module::link::{
-    self, AccumulatedImage, HostCore, Identity, ImageRequest, ImageSum, Job, Outcome,
+    self, AccumulatedImage, Counts, HostCore, Identity, ImageRequest, ImageSum, Job, Outcome,
+    SessionObserver,
 };
-use subaperture::plot::{Orientation, Panel};
+use subaperture::plot::{self, Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
-use subaperture_core::link::ChipGrid;
+use subaperture_core::link::{ChipGrid, Event};
 
 use super::outcome::{Received, report, verified_record};
 use super::receiving::Watching;
@@ -24,7 +27,61 @@ use crate::commands::forming;
 use crate::config::{command_line, record_of_run};
 use crate::{interrupt, messages};
 
+/// Number of previews for `--picture`.
+const PREVIEWS: u32 = 7;
+
+/// Observer that draws the previews of an image.
+struct Drawing<'a> {
+    watch: &'a mut Watching,
+    work: &'a Work<'a>,
+    title: &'a str,
+    amplitude_scale: f32,
+    drawn: anyhow::Result<()>,
+}
+
+impl SessionObserver for Drawing<'_> {
+    fn update(&mut self, counts: &Counts) {
+        self.watch.update(counts);
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.watch.event(event);
+    }
+
+    fn preview(&mut self, image: &AccumulatedImage) {
+        if self.drawn.is_ok() {
+            let Self { work, title, .. } = *self;
+            self.drawn = work.draw(title, image, self.amplitude_scale);
+        }
+    }
+
+    fn log(&mut self, text: &str) {
+        self.watch.log(text);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.watch.cancelled()
+    }
+}
+
 impl<'w> Work<'w> {
+    /// Draw an image to the file of `--picture`, if it was given.
+    fn draw(
+        &self,
+        title: &str,
+        received: &AccumulatedImage,
+        amplitude_scale: f32,
+    ) -> anyhow::Result<()> {
+        let Some(path) = &self.typed.picture else {
+            return Ok(());
+        };
+        let sum = self.image(&[]).sum;
+        let image = assemble(self.plan, self.grid, received, sum, amplitude_scale);
+        let picture = plot::quicklook(&Panel::new(&image, self.grid, title))?;
+        write_atomically(path, picture.len() as u64, |file| file.write_all(&picture))
+            .context("--picture")
+    }
+
     /// Chips of the patches, if the module has room for them.
     pub(super) fn chips(&self, identity: &Identity) -> Result<Vec<ChipGrid>, Unsuited> {
         let (pixels, most) = (self.grid.num_pixels(), identity.image);
@@ -49,7 +106,15 @@ impl<'w> Work<'w> {
             true => ImageSum::Power,
             false => ImageSum::Coherent,
         };
-        ImageRequest { chips, sum }
+        let previews = match self.typed.picture {
+            Some(_) => PREVIEWS,
+            None => 0,
+        };
+        ImageRequest {
+            chips,
+            sum,
+            previews,
+        }
     }
 
     /// Let the module accumulate the image, and write it as a folder.
@@ -64,7 +129,16 @@ impl<'w> Work<'w> {
         let chips = self.chips(module.identity())?;
         // From here on, an interruption keeps the image of the sub-CPIs accumulated so far.
         let _keeping = interrupt::Keeping::begin();
-        let (outcome, received) = module.accumulate(job, self.image(&chips), watch);
+        let (title, amplitude_scale) = (survey.name.as_str(), job.pulses.amplitude_scale());
+        let mut drawing = Drawing {
+            watch,
+            work: self,
+            title,
+            amplitude_scale,
+            drawn: Ok(()),
+        };
+        let (outcome, received) = module.accumulate(job, self.image(&chips), &mut drawing);
+        let drawn = drawing.drawn;
         watch.bar.finish();
         let (mut content, mut compared, mut files) = (None, None, Vec::new());
         if !received.sub_cpis.is_empty() && received.chips.iter().all(Option::is_some) {
@@ -80,6 +154,9 @@ impl<'w> Work<'w> {
                 compared = Some((self.grid.num_pixels(), 0));
             }
             files = self.write(survey, job, &outcome, &received, compared, start)?;
+            drawn.and_then(|()| self.draw(title, &received, amplitude_scale))?;
+            let shown = self.typed.picture.iter();
+            files.extend(shown.map(|path| WrittenFile::new(path, FileKind::Picture)));
             content = Some(format!(
                 "{} x {} pixels of {} sub-CPIs",
                 self.grid.columns.count,
