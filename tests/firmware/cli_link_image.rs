@@ -84,3 +84,43 @@ fn image_from_module_maps_keeps_default_bound() {
         assert!(measured_db <= -60.0, "{arithmetic}: {measured_db}");
     }
 }
+
+/// With `--picture` the image is fetched eight times; its pixels are those of a single transfer, bit by bit.
+#[test]
+fn picture_of_accumulated_image_is_drawn_during_the_transfer() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_recording(&at.join("a.cphd"));
+    let elf = application()[1].display().to_string();
+    let link = |options: &str| {
+        let line = format!(
+            "link emulate:fixed a.cphd --send image --verify --grid {GRID} --json {options} --firmware {elf}"
+        );
+        let ran = run(at, &line);
+        assert!(ran.is_untroubled(), "{ran:?}");
+        let report: Value = serde_json::from_str(ran.succeeded()).unwrap();
+        report
+    };
+    let shown = link("--picture live.png --out shown");
+    let once = link("--out once");
+    let runs = |report: &Value| report["counters"]["runs"].as_u64().unwrap();
+    let sub_cpis = shown["sub_cpis"].as_u64().unwrap();
+    println!("{} runs of {sub_cpis} sub-CPIs", runs(&shown));
+    assert_eq!(runs(&once), 1);
+    assert_eq!(runs(&shown), sub_cpis.div_ceil(sub_cpis.div_ceil(8)));
+    let pixels = |name: &str| npy::read(&at.join(name).join("image.npy")).unwrap().pixels;
+    assert_eq!(pixels("shown"), pixels("once"));
+    let picture = std::fs::read(at.join("live.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
+    let files = shown["files"].to_string();
+    assert!(files.contains("live.png"), "{files}");
+    let paced = format!(
+        "link emulate:fixed a.cphd --send image --rate 100 --picture p.png --out o --firmware {elf}"
+    );
+    let refused = run(at, &paced);
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(
+        refused.stderr.contains("leave --picture out"),
+        "{refused:?}"
+    );
+}
