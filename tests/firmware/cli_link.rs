@@ -57,9 +57,9 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             vec!["--front-end", "--verify"],
         ),
         (
-            "link emulate a.cphd -o a.csv --send increments --front-end",
+            "link emulate a.cphd -o a --send profiles --front-end",
             2,
-            vec!["--front-end", "found --send increments"],
+            vec!["--front-end", "found --send profiles"],
         ),
         (
             "link tcp://host:1 a.cphd -o a.maps --firmware a.elf",
@@ -67,9 +67,14 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             vec!["--firmware", "tcp://host:1"],
         ),
         (
-            "link emulate a.cphd -o image --send image --picture a.png",
+            "link emulate a.cphd -o image --send image --picture a.png --rate 9",
             2,
-            vec!["--picture", "expected --send maps, found --send image"],
+            vec!["--picture", "pulses that can wait", "--rate"],
+        ),
+        (
+            "link emulate a.cphd -o image --send image --channels all",
+            2,
+            vec!["--send image takes the pulses of one channel"],
         ),
         (
             "link emulate a.cphd -o a.csv --send detections --picture a.png",

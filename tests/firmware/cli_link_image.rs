@@ -114,13 +114,4 @@ fn picture_of_accumulated_image_is_drawn_during_the_transfer() {
     assert!(picture.starts_with(b"\x89PNG"));
     let files = shown["files"].to_string();
     assert!(files.contains("live.png"), "{files}");
-    let paced = format!(
-        "link emulate:fixed a.cphd --send image --rate 100 --picture p.png --out o --firmware {elf}"
-    );
-    let refused = run(at, &paced);
-    assert_eq!(refused.code, Some(2), "{refused:?}");
-    assert!(
-        refused.stderr.contains("leave --picture out"),
-        "{refused:?}"
-    );
 }
