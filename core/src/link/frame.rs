@@ -69,9 +69,9 @@ pub(super) fn successor(sequence: u32) -> u32 {
 /// ```
 /// use subaperture_core::link::{Command, Encoder};
 /// let (mut encoder, mut buffer) = (Encoder::new(), [0; 32]);
-/// // Version 2, sequence number 0, variant 0, CRC-32 of 02 00 00 00 00 00, with the COBS codes in between.
+/// // Version 3, sequence number 0, variant 0, CRC-32 of 03 00 00 00 00 00, with the COBS codes in between.
 /// let bytes = encoder.encode(&Command::Hello, &mut buffer)?;
-/// assert_eq!(bytes, [2, 2, 1, 1, 1, 1, 2, 0xA8, 3, 0x0A, 0xFC, 0]);
+/// assert_eq!(bytes, [2, 3, 1, 1, 1, 1, 5, 0x0D, 0xD3, 0x56, 0x37, 0]);
 /// # Ok::<(), subaperture_core::link::EncodeError>(())
 /// ```
 #[derive(Clone, Debug)]
