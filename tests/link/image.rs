@@ -190,7 +190,7 @@ fn previews_are_images_of_the_sub_cpis_so_far() {
     let sub_cpis: Vec<usize> = images.iter().map(|image| image.sub_cpis.len()).collect();
     assert_eq!(sub_cpis, [4, 8, 12]);
     assert_eq!(sub_cpis[2], MAPS / 2);
-    // Without previews there are none, also where sub-CPIs are repeated in several runs.
+    // Without previews one run is enough.
     let (outcome, _) = complete(Faults::default(), settings(3));
     assert_eq!(outcome.counts.runs, 1);
 }
