@@ -266,3 +266,68 @@ fn plan_states_patches_that_fit_the_module() {
     )
     .succeeded();
 }
+
+/// Channels share the memory for pulses and are sent one by one; only detections are formed of several.
+#[test]
+fn module_plan_counts_every_channel() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = r#"
+name = "two receivers"
+[scene]
+x = "-12, 12 m"
+y = "-12, 12 m"
+[[scene.point]]
+position = "0, 0, 0 m"
+[radar]
+kind = "ideal"
+pulses = 64
+pri = "1 ms"
+centre = "10 GHz"
+bandwidth = "150 MHz"
+samples = 128
+[[radar.transmitter]]
+offset = "0, 0, 0 m"
+[[radar.receiver]]
+offset = "0.25, 0, 0 m"
+[[radar.receiver]]
+offset = "-0.25, 0, 0 m"
+[platform]
+kind = "linear"
+position = "0, -5, 3 km"
+velocity = "125, 0, 0 m/s"
+"#;
+    std::fs::write(folder.path().join("two.toml"), scene).unwrap();
+    run(folder.path(), "simulate two.toml -o two.cphd").succeeded();
+    let line = "plan module two.cphd --ram 512K --send detections";
+    let plan = |options: &str| -> Value {
+        let ran = run(folder.path(), &format!("{line} --json {options}"));
+        serde_json::from_str(ran.succeeded()).unwrap()
+    };
+    let (one, two) = (plan(""), plan("--channels all"));
+    // A sub-CPI is the whole recording: 64 pulses, in the second plan of two channels with 72 bytes and 128 samples each.
+    for (plan, channels) in [(&one, 1), (&two, 2)] {
+        assert_eq!(plan["setup"]["num_pulses"], 64);
+        assert_eq!(plan["setup"]["num_channels"], channels);
+        assert_eq!(plan["capacity"]["pulses"], 64 * channels);
+        assert_eq!(plan["link"]["up_bytes"], 64 * channels * (72 + 8 * 128));
+    }
+    let products = |plan: &Value| -> Vec<String> {
+        let all = plan["products"].as_array().unwrap();
+        all.iter().map(|one| one["product"].to_string()).collect()
+    };
+    assert_eq!(products(&two), ["\"detections\"", "\"increments\""]);
+    assert_eq!(two["recommended"], "detections");
+    assert_eq!(one["recommended"], "image");
+    // Empty lists, or 32 detections with 16 bytes and a value for each channel.
+    assert_eq!(
+        two["products"][0]["down_bytes"],
+        serde_json::json!([18, 18 + 32 * (16 + 2 * 8)])
+    );
+    let text = run(folder.path(), &format!("{line} --channels all"));
+    assert!(text.succeeded().contains("64 pulses in 2 channels"));
+    let maps = run(
+        folder.path(),
+        "plan module two.cphd --ram 512K --channels all",
+    );
+    maps.failed(2, &["--send maps takes the pulses of one channel"]);
+}

@@ -171,9 +171,13 @@ struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    /// Loads of all products.
+    /// Loads of all products: of several channels detections and increments only.
     fn loads(&self) -> impl Iterator<Item = &ProductLoad> {
-        self.products.iter().chain(&self.increments)
+        let first = match self.plan.setup.num_channels {
+            1 => 0,
+            _ => self.products.len() - 1,
+        };
+        self.products[first..].iter().chain(&self.increments)
     }
 
     fn to_json(&self) -> serde_json::Value {
@@ -330,9 +334,12 @@ impl Sheet<'_> {
         facts
     }
 
-    /// Of maps and image, which both give the image, the one with fewer bytes.
+    /// Of maps and image, which both give the image, the one with fewer bytes; detections of several channels.
     fn recommended(&self) -> ModuleProduct {
         let [maps, image, _] = &self.products;
+        if self.plan.setup.num_channels > 1 {
+            return ModuleProduct::Detections;
+        }
         if self.accumulates && image.down_bytes[1] < maps.down_bytes[1] {
             ModuleProduct::Image
         } else {
