@@ -1,6 +1,7 @@
 //! Targets that the emulated module detects, by the command: three moving targets in clutter.
 
 use std::f64::consts::TAU;
+use std::path::Path;
 
 use crate::emulated::application;
 use subaperture_tests::subap::run;
@@ -115,15 +116,15 @@ impl Table {
     }
 }
 
-/// Detect the targets of `scene` on the emulated module, in one channel or all of them.
-fn detected(scene: &str, options: &str) -> Table {
+/// Detect the targets of `scene` on an emulated module, in one channel or all of them.
+fn detected(scene: &str, (arithmetic, elf): (&str, &Path), options: &str) -> Table {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("movers.toml"), scene).unwrap();
     run(folder.path(), "simulate movers.toml -o movers.cphd").succeeded();
     let line = format!(
-        "link emulate:float movers.cphd --send detections -o movers.csv --grid x=-10:10:0.5,y=-10:10:0.5,z=0 \
+        "link emulate:{arithmetic} movers.cphd --send detections -o movers.csv --grid x=-10:10:0.5,y=-10:10:0.5,z=0 \
          --json --firmware {} {options}",
-        application()[0].display()
+        elf.display()
     );
     let ran = run(folder.path(), &line);
     let report: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
@@ -163,7 +164,7 @@ fn named(
 
 #[test]
 fn three_movers_in_clutter_are_detected_within_a_cell() {
-    let table = detected(SCENE, "");
+    let table = detected(SCENE, ("float", &application()[0]), "");
     for mover in MOVERS {
         let (found, sub_cpis) = named(&table, 0.0, mover);
         assert_eq!(found.len(), sub_cpis, "{mover:?}");
@@ -179,7 +180,7 @@ fn phases_of_two_channels_give_the_motion_of_the_target() {
         "{SCENE}{RECEIVERS}\n[[scene.mover]]\nkind = \"linear\"\nposition = \"-2, -7, 0 m\"\n\
          velocity = \"0, 0, 0 m/s\"\ncross_section = \"10 m^2\"\n"
     );
-    let table = detected(&scene, "--channels all");
+    let table = detected(&scene, ("fixed", &application()[1]), "--channels all");
     for (position_m, velocity_m_s) in MOVERS.into_iter().chain([at_rest]) {
         let (found, sub_cpis) = named(&table, ALONG_M[0], (position_m, velocity_m_s));
         // Sub-CPIs of half as many pulses: speckle hides a target now and then.
