@@ -10,7 +10,7 @@ use std::time::Duration;
 use crate::emulated::application;
 use subaperture::io::cphd::{Channel, WriteOptions, write};
 use subaperture::io::npy;
-use subaperture::module::link::{Buffers, MotionRun, Session, Settings, open};
+use subaperture::module::link::{Buffers, Session, Settings, open};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 use subaperture_core::Sc16;
@@ -19,7 +19,7 @@ use subaperture_tests::error_db;
 use subaperture_tests::firmware::emulator;
 use subaperture_tests::front_end::{digitised, framed};
 use subaperture_tests::link_recording::recording;
-use subaperture_tests::odometer_scene::{Scene, setup};
+use subaperture_tests::odometer_scene::Scene;
 use subaperture_tests::subap::run;
 
 /// The emulated board with frames for its front end.
@@ -133,13 +133,7 @@ fn increments_of_front_end_samples_equal_those_of_core() {
     let mut buffers = Buffers::new();
     let mut session =
         Session::open(&mut *line, &mut buffers, Settings::default(), &mut Silent).unwrap();
-    let task = MotionRun {
-        setup: setup(),
-        transmitters_m: &scene.transmitters_m,
-        receivers_m: &scene.receivers_m,
-        channels: &channels,
-        from_front_end: true,
-    };
+    let task = scene.motion_run(&channels, true);
     let outcome = session.increments(&task, &mut Silent);
     println!("{}", session.counts());
     outcome.ending.unwrap();

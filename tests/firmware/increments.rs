@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use subaperture::module::link::{Buffers, MotionRun, Session, Settings};
+use subaperture::module::link::{Buffers, Session, Settings};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
-use subaperture_tests::odometer_scene::{Scene, between, pose, setup};
+use subaperture_tests::odometer_scene::{Scene, between, pose};
 
 use crate::emulated::{Begin, Emulated, Wire, application};
 
@@ -24,13 +24,7 @@ fn module_increments_are_bit_identical_to_core() {
         ..Settings::default()
     };
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
-    let task = MotionRun {
-        setup: setup(),
-        transmitters_m: &scene.transmitters_m,
-        receivers_m: &scene.receivers_m,
-        channels: &channels,
-        from_front_end: false,
-    };
+    let task = scene.motion_run(&channels, false);
     let outcome = session.increments(&task, &mut Silent);
     println!("{}", session.counts());
     outcome.ending.unwrap();

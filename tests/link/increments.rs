@@ -40,10 +40,7 @@ fn over(faults: Faults, scene: &Scene, setup: motion::Setup, settings: Settings)
     let mut session = Session::open(&mut line, &mut buffers, settings, &mut Silent).unwrap();
     let task = MotionRun {
         setup,
-        transmitters_m: &scene.transmitters_m,
-        receivers_m: &scene.receivers_m,
-        channels: &channels,
-        from_front_end: false,
+        ..scene.motion_run(&channels, false)
     };
     session.increments(&task, &mut Silent)
 }
@@ -128,10 +125,8 @@ fn invalid_motion_input_is_rejected() {
         let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
         let task = MotionRun {
             setup,
-            transmitters_m: &scene.transmitters_m,
             receivers_m,
-            channels: &channels,
-            from_front_end: false,
+            ..scene.motion_run(&channels, false)
         };
         match task.check() {
             Err(LinkError::Mismatch(mismatch)) => mismatch,
@@ -212,13 +207,7 @@ fn protocol_version_change_is_reported_and_work_counted() {
     let scene = scene();
     let recorded = scene.recorded(PULSES);
     let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
-    let task = MotionRun {
-        setup: setup(),
-        transmitters_m: &scene.transmitters_m,
-        receivers_m: &scene.receivers_m,
-        channels: &channels,
-        from_front_end: false,
-    };
+    let task = scene.motion_run(&channels, false);
     let mut updated = Updated {
         module: Module::start(Manner::default()),
         written: 0,
@@ -266,13 +255,7 @@ fn by_module(fixed: bool, frames: Option<Vec<Vec<u8>>>, settings: Settings) -> (
     };
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
-    let task = MotionRun {
-        setup: setup(),
-        transmitters_m: &scene.transmitters_m,
-        receivers_m: &scene.receivers_m,
-        channels: &channels,
-        from_front_end,
-    };
+    let task = scene.motion_run(&channels, from_front_end);
     let reported = session.increments(&task, &mut Silent);
     (reported, session.counts())
 }
@@ -351,13 +334,7 @@ fn module_without_front_end_refuses_increments_of_it() {
     let scene = short_scene();
     let recorded = scene.recorded(PULSES);
     let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
-    let task = MotionRun {
-        setup: setup(),
-        transmitters_m: &scene.transmitters_m,
-        receivers_m: &scene.receivers_m,
-        channels: &channels,
-        from_front_end: true,
-    };
+    let task = scene.motion_run(&channels, true);
     let mut module = Module::start(Manner::default());
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();

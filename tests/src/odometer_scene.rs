@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::glam::{DVec2, DVec3};
+use subaperture::module::link::MotionRun;
 use subaperture::phase_history::{
     Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
 };
@@ -194,6 +195,21 @@ impl Scene {
             InMemory::new(collection, samples).expect("pulses of finite samples")
         });
         each.collect()
+    }
+
+    /// Run of the odometer of a module on recordings of the channels, with samples from there or from its front end.
+    pub fn motion_run<'a>(
+        &'a self,
+        channels: &'a [&'a dyn PhaseHistory],
+        from_front_end: bool,
+    ) -> MotionRun<'a> {
+        MotionRun {
+            setup: setup(),
+            transmitters_m: &self.transmitters_m,
+            receivers_m: &self.receivers_m,
+            channels,
+            from_front_end,
+        }
     }
 
     /// Increments of the core on this machine.

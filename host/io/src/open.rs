@@ -374,6 +374,9 @@ pub fn open_joined_channels<P: AsRef<Path>, S: AsRef<str>>(
     channels: Option<&[S]>,
     options: &Options,
 ) -> Result<Channels<'static>, ReadError> {
+    if paths.is_empty() {
+        return Err(ReadError::Mismatch("no input given".to_owned()));
+    }
     let mut left = *options;
     let mut recordings: Vec<Channels> = Vec::with_capacity(paths.len());
     for path in paths {

@@ -110,12 +110,7 @@ impl Session {
 
     /// Open the given recordings as one aperture within the budget; several channels as their coherent sum.
     pub(crate) fn open(&self, input: &args::Input) -> Result<Joined, ReadError> {
-        let options = Options {
-            channel: input.channel.as_deref(),
-            memory_bytes: self.memory_bytes,
-            settings: &input.set,
-            inference: Some(INFERENCE),
-        };
+        let options = self.options(input);
         let reading = self.progress("reading");
         let history = match &input.channels {
             None => open_all(&input.files, &options)?,
@@ -124,6 +119,16 @@ impl Session {
         reading.finish();
         report_reading(&history);
         Ok(history)
+    }
+
+    /// Options for opening the given recordings within the budget.
+    fn options<'i>(&self, input: &'i args::Input) -> Options<'i> {
+        Options {
+            channel: input.channel.as_deref(),
+            memory_bytes: self.memory_bytes,
+            settings: &input.set,
+            inference: Some(INFERENCE),
+        }
     }
 
     /// Open the channels that an embedded module processes for this product: one, or several for detections.
@@ -138,14 +143,8 @@ impl Session {
         if product != ModuleProduct::Detections {
             input.refuse_several(&format!("--send {}", product.name()))?;
         }
-        let options = Options {
-            channel: None,
-            memory_bytes: self.memory_bytes,
-            settings: &input.set,
-            inference: Some(INFERENCE),
-        };
         let reading = self.progress("reading");
-        let channels = open_joined_channels(&input.files, several.named(), &options)?;
+        let channels = open_joined_channels(&input.files, several.named(), &self.options(input))?;
         reading.finish();
         report_reading(channels.channel(0));
         Ok((channels.into_inner().into_iter())

@@ -52,7 +52,8 @@ pub fn inverse(buffer: &mut [Complex<i32>]) -> u32 {
     inverse_bounded(buffer, magnitude_bits(buffer))
 }
 
-/// As [`inverse`], for parts known to be in `-2^bits .. 2^bits`, which saves finding their magnitude.
+/// As [`inverse`], for parts known to be in `-2^bits .. 2^bits`, which saves finding their magnitude. Sums of larger parts may
+/// overflow.
 pub fn inverse_bounded(buffer: &mut [Complex<i32>], mut bits: u32) -> u32 {
     let length = buffer.len();
     if !crate::fft::supports(length) {

@@ -279,8 +279,13 @@ fn read(
         }
         all.push(samples);
     }
-    let parts = all.iter().flatten().flat_map(|z| [z.re.abs(), z.im.abs()]);
-    let scale = power_of_two_below_one(parts.fold(0.0, f32::max));
+    let scale = match encoding {
+        Encoding::Complex32 => 1.0,
+        Encoding::Sc16 => {
+            let parts = all.iter().flatten().flat_map(|z| [z.re.abs(), z.im.abs()]);
+            power_of_two_below_one(parts.fold(0.0, f32::max))
+        }
+    };
     let encoded = all.iter().map(|samples| {
         let mut bytes = vec![0; encoding.sample_bytes() * samples.len()];
         match encoding {
