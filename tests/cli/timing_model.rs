@@ -111,10 +111,12 @@ fn verbose_lists_stages_before_and_after() {
     for (former, stages) in [
         ("bp", ["profiles", "pixels"]),
         ("ffbp", ["histories of patches", "leaves"]),
-        ("rdbp", ["maps", "pixels"]),
+        ("rdbp", ["histories of patches", "maps"]),
+        ("rdbp --patch 10", ["maps", "pixels"]),
     ] {
+        let name = former.replace(' ', "");
         for tiled in ["", "--tiled"] {
-            let line = format!("focus t.cphd -a {former} {GRID} -v {tiled} -o {former}{tiled}");
+            let line = format!("focus t.cphd -a {former} {GRID} -v {tiled} -o {name}{tiled}");
             let output = ran(&line);
             output.succeeded();
             let notes: Vec<&str> = output.stderr.lines().collect();
@@ -134,9 +136,7 @@ fn verbose_lists_stages_before_and_after() {
             }
             assert!(output.stderr.contains("stage reading "), "{output:?}");
         }
-        let output = ran(&format!(
-            "focus t.cphd -a {former} {GRID} -o quiet-{former}"
-        ));
+        let output = ran(&format!("focus t.cphd -a {former} {GRID} -o quiet-{name}"));
         output.succeeded();
         assert!(!output.stderr.contains("stage "), "{output:?}");
     }

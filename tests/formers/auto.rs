@@ -93,13 +93,19 @@ fn auto_picks_fastest_former_that_keeps_bound() {
         println!("{pulses} pulses: {name}");
         taken.insert(name);
     }
-    assert!(taken.contains("ffbp"), "{taken:?}");
+    assert!(
+        taken.contains("ffbp") && taken.contains("rdbp"),
+        "{taken:?}"
+    );
 }
 
 #[test]
 fn timing_model_selects_the_former() {
     let collection = collection(300, 256, 20.0);
-    let slow = model("slow leaves", &[("leaf_group_ns", 1e6)]);
+    let slow = model(
+        "slow leaves",
+        &[("leaf_group_ns", 1e6), ("map_sample_ns", 1e6)],
+    );
     let grid = "x=-20:20:0.2,y=-20:20:0.2";
     let plan = plan(
         &Auto::default(),

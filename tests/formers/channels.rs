@@ -102,6 +102,11 @@ fn in_turn(channels: &Channels) -> InMemory {
     InMemory::new(collection, samples).unwrap()
 }
 
+/// Patches of one level, whose plan states the length of a sub-CPI.
+fn one_level() -> RangeDopplerBackprojection {
+    RangeDopplerBackprojection::default().patch_m(8.0)
+}
+
 #[test]
 fn formers_keep_bound_on_sum_of_channels() {
     let grid: ImageGrid = "x=-16:16:0.83,y=-16:16:0.79,z=0".parse().unwrap();
@@ -110,13 +115,7 @@ fn formers_keep_bound_on_sum_of_channels() {
         let channels = experiment.channels(1 << 26).unwrap();
         assert_eq!(channels.len(), 2 * transmitters);
         let expected = sum_over_all(&channels, &grid);
-        let one = form(
-            &RangeDopplerBackprojection::default(),
-            channels.channel(0),
-            &grid,
-            Window::None,
-        )
-        .unwrap();
+        let one = form(&one_level(), channels.channel(0), &grid, Window::None).unwrap();
         let interleaved = in_turn(&channels);
         let sum = channels.coherent_sum().unwrap();
         let omega_k = OmegaK::default();
@@ -160,7 +159,7 @@ fn formers_keep_bound_on_sum_of_channels() {
         }
         // Sub-CPIs have the length of one channel's; interleaved channels would give each sub-CPI that many fewer pulse times.
         let pulses = |formed: &Formed| formed.settings["sub_cpi_pulses"].as_u64().unwrap();
-        let rdbp = RangeDopplerBackprojection::default();
+        let rdbp = one_level();
         let together = form(&rdbp, &sum, &grid, Window::None).unwrap();
         let mixed = form(&rdbp, &interleaved, &grid, Window::None);
         println!(

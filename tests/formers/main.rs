@@ -15,6 +15,7 @@ mod gotcha;
 mod in_beam;
 mod live;
 mod movers;
+mod nested_maps;
 mod options;
 mod pfa_ffbp;
 mod points;

@@ -31,6 +31,7 @@ pub mod dark;
 mod drawn;
 mod error;
 mod execute;
+mod factorised;
 mod fingerprint;
 pub mod forecast;
 mod formed;

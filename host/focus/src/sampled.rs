@@ -15,13 +15,13 @@ use super::stages::{READING, SAMPLES, during};
 use super::stray::{self, Buffers, Profiles, RecordedEnergy};
 use super::{ImageSpec, Tile};
 use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::phasor::phasors;
 use subaperture_kernels::{horner, power};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
-use subaperture_signal::phase::phasor;
 
 /// Number of pixels of every image that are compared with the exact sum.
 const SAMPLED_PIXELS: usize = 4 * LANES;
@@ -229,17 +229,22 @@ impl<'a> Probes<'a> {
             }
             return;
         }
-        let lanes = sums.chunks_mut(horner::NARROW_TOGETHER);
-        for (sums, points) in lanes.zip(points.chunks(horner::NARROW_TOGETHER)) {
-            let mut steps = [Complex64::ZERO; horner::NARROW_TOGETHER];
-            let mut delays_s = [0.0; horner::NARROW_TOGETHER];
-            for ((step, delay_s), &point) in steps.iter_mut().zip(&mut delays_s).zip(points) {
-                *delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
-                *step = phasor(pulse.step_hz * *delay_s);
+        const TOGETHER: usize = horner::NARROW_TOGETHER;
+        let instructions = Instructions::best();
+        let lanes = sums.chunks_mut(TOGETHER);
+        for (sums, points) in lanes.zip(points.chunks(TOGETHER)) {
+            let [mut step_turns, mut start_turns] = [[0.0; TOGETHER]; 2];
+            let turns = step_turns.iter_mut().zip(&mut start_turns);
+            for ((step, start), &point) in turns.zip(points) {
+                let delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
+                (*step, *start) = (pulse.step_hz * delay_s, pulse.start_hz * delay_s);
             }
-            let over_frequency = horner::narrow_sums(Instructions::best(), row, fast, &steps);
-            for ((sum, value), delay_s) in sums.iter_mut().zip(over_frequency).zip(delays_s) {
-                *sum += value * phasor(pulse.start_hz * delay_s) * weight;
+            let [mut steps, mut starts] = [[Complex64::ZERO; TOGETHER]; 2];
+            phasors(instructions, &step_turns, &mut steps);
+            phasors(instructions, &start_turns, &mut starts);
+            let over_frequency = horner::narrow_sums(instructions, row, fast, &steps);
+            for ((sum, value), start) in sums.iter_mut().zip(over_frequency).zip(starts) {
+                *sum += value * start * weight;
             }
         }
     }

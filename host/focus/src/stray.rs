@@ -40,6 +40,8 @@ use glam::DVec2;
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 use subaperture_fft::{Fft, Transforms};
+use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::power::{self, Level};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::fast_length::fast_length;
 
@@ -170,17 +172,18 @@ impl Profiles {
         line.resize(self.length, Complex32::ZERO);
         scratch.resize(self.fft.get_inplace_scratch_len(), Complex32::ZERO);
         self.fft.process_with_scratch(line, scratch);
-        powers.clear();
-        powers.extend(line.iter().map(power));
-        let mean = Level::of(powers, f64::INFINITY).mean();
-        let threshold = STRONG * Level::of(powers, ABOVE_MEAN * mean).mean();
+        let instructions = Instructions::best();
+        powers.resize(line.len(), 0.0);
+        power::powers(instructions, line, powers);
+        let mean = Level::of(instructions, powers, f64::INFINITY).mean();
+        let threshold = STRONG * Level::of(instructions, powers, ABOVE_MEAN * mean).mean();
         let sums = |level: Level| Sums {
             all: self.cells * level.all,
             strong: self.cells * (level.all - level.weak),
             threshold,
             peaks: level.peak.sqrt(),
         };
-        let all = sums(Level::of(powers, threshold));
+        let all = sums(Level::of(instructions, powers, threshold));
         let length = self.length as f64;
         let margin = MARGIN * (turns[1] - turns[0]) * length + MARGIN_CELLS;
         let [first, last] = [turns[0] * length - margin, turns[1] * length + margin];
@@ -190,63 +193,17 @@ impl Profiles {
         }
         let first = first.floor().rem_euclid(length) as usize % self.length;
         let end = first + count as usize;
-        let mut level = Level::of(&powers[first..end.min(self.length)], threshold);
+        let mut level = Level::of(
+            instructions,
+            &powers[first..end.min(self.length)],
+            threshold,
+        );
         level.add(&Level::of(
+            instructions,
             &powers[..end.saturating_sub(self.length)],
             threshold,
         ));
         [all, sums(level)]
-    }
-}
-
-/// Squared magnitude in float64; squares of very small or large float32 values underflow or overflow in float32.
-fn power(z: &Complex32) -> f64 {
-    let [re, im] = [z.re, z.im].map(f64::from);
-    re * re + im * im
-}
-
-/// Statistics of profile values: sum, sum and count of values up to a threshold, and maximum.
-#[derive(Clone, Copy, Debug, Default)]
-struct Level {
-    all: f64,
-    weak: f64,
-    count: f64,
-    peak: f64,
-}
-
-/// Number of parallel partial sums.
-const SUMS: usize = 8;
-
-impl Level {
-    fn of(powers: &[f64], threshold: f64) -> Self {
-        let mut sums = [Self::default(); SUMS];
-        let (chunks, rest) = powers.as_chunks::<SUMS>();
-        let mut one = |chunk: &[f64]| {
-            for (sum, &power) in sums.iter_mut().zip(chunk) {
-                let weak = power <= threshold;
-                sum.all += power;
-                sum.weak += if weak { power } else { 0.0 };
-                sum.count += if weak { 1.0 } else { 0.0 };
-                sum.peak = if power > sum.peak { power } else { sum.peak };
-            }
-        };
-        chunks.iter().for_each(|chunk| one(chunk));
-        one(rest);
-        let mut total = Self::default();
-        sums.iter().for_each(|sum| total.add(sum));
-        total
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.all += other.all;
-        self.weak += other.weak;
-        self.count += other.count;
-        self.peak = self.peak.max(other.peak);
-    }
-
-    /// Mean of the values up to the threshold.
-    fn mean(&self) -> f64 {
-        self.weak / self.count.max(1.0)
     }
 }
 

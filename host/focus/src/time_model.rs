@@ -62,6 +62,18 @@ pub struct TimeModel {
     pub(crate) map_pixel_ns: f64,
     /// Range-Doppler map: interpolation, per tap, ns.
     pub(crate) map_tap_ns: f64,
+    /// Range-Doppler map by gridding: path model, per pulse, ns.
+    pub(crate) map_fit_ns: f64,
+    /// Range-Doppler map by gridding: gridding of one sample in slow time, ns.
+    pub(crate) map_sample_ns: f64,
+    /// Range-Doppler map by gridding: resampling of one sample in frequency, per tap, ns.
+    pub(crate) map_sample_tap_ns: f64,
+    /// Range-Doppler map by gridding: transforms, per element and doubling of the length, ns.
+    pub(crate) column_transform_ns: f64,
+    /// Range-Doppler map by gridding: interpolation in range, per Doppler bin and line of pixels, ns.
+    pub(crate) map_line_bin_ns: f64,
+    /// Range-Doppler map by gridding: interpolation in Doppler, per pixel, ns.
+    pub(crate) map_station_ns: f64,
     /// Exact sum, per pixel, pulse and frequency, ns.
     pub(crate) sum_ns: f64,
     /// Exact sum with intra-pulse motion, per pixel, pulse and frequency, ns.
@@ -127,6 +139,12 @@ impl TimeModel {
         doppler_tap_ns: 0.045,
         map_pixel_ns: 8.0,
         map_tap_ns: 0.4,
+        map_fit_ns: 400.0,
+        map_sample_ns: 4.0,
+        map_sample_tap_ns: 0.2,
+        column_transform_ns: 0.14,
+        map_line_bin_ns: 2.2,
+        map_station_ns: 3.7,
         sum_ns: 0.15,
         swept_sum_ns: 30.0,
         raster_tap_ns: 1.0,

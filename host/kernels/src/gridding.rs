@@ -114,7 +114,8 @@ impl Terms {
             let [mut of_rows, mut of_columns] = [[[0.0f32; GROUP]; W]; 2];
             for part in (0..GROUP).step_by(L::COUNT) {
                 for (at, out) in [(&across, &mut of_rows), (&along, &mut of_columns)] {
-                    let weights: [_; W] = weights(lanes, kernel, lanes.load(&at[group + part..]));
+                    let weights: [_; W] =
+                        weights(lanes, kernel.polynomials(), lanes.load(&at[group + part..]));
                     for (weight, out) in weights.into_iter().zip(out) {
                         lanes.store(weight, &mut out[part..]);
                     }

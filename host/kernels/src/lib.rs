@@ -8,13 +8,17 @@
 //! - [`range_migration_blur`]: backprojection of a pulse smeared by intra-pulse motion.
 //! - [`lanes`]: SIMD lanes and instruction sets.
 //! - [`horner`]: sum of a pulse's samples at many delays.
-//! - [`power`]: power of a pulse.
+//! - [`phasor`]: phasors of many phases.
+//! - [`power`]: power of a pulse, and statistics of powers.
 //! - [`compensation`]: compensation of a pulse to another reference path.
 //! - [`doppler`]: Keystone Doppler transform (axis scaled with frequency).
 //! - [`decimation`]: decimation by two in slow time and frequency.
 //! - [`gridding`]: gridding (adjoint NUFFT) of samples onto a raster.
 //! - [`reading`]: interpolation of rasters.
 //! - [`map`]: interpolation of range-Doppler maps at the path and rate of points.
+//! - [`patch_map`]: range-Doppler map of a patch by gridding, and its image by separable interpolation.
+//! - [`rank_two`]: rank-2 model of the paths to the points of a patch.
+//! - [`column_fft`]: Fourier transforms of many columns at once.
 //! - [`ceiling`]: peak multiply-add rate, for comparison.
 //!
 //! A kernel is independent of grids, recordings and formers, keeps no state between calls and runs on the caller's thread. Its
@@ -28,6 +32,7 @@
 #![deny(unsafe_code)]
 
 pub mod ceiling;
+pub mod column_fft;
 pub mod compensation;
 pub mod decimation;
 pub mod doppler;
@@ -36,10 +41,12 @@ pub mod horner;
 #[allow(unsafe_code)]
 pub mod lanes;
 pub mod map;
+pub mod patch_map;
 pub mod paths;
-mod phasor;
+pub mod phasor;
 pub mod power;
 pub mod range_migration_blur;
+pub mod rank_two;
 pub mod reading;
 mod taps;
 pub mod tile;

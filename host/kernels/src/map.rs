@@ -18,8 +18,8 @@ use subaperture_signal::kaiser_bessel::KaiserBessel;
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::Line;
-use crate::phasor::{Polynomials, ROUND};
-use crate::taps::{below, nearest, weights};
+use crate::phasor::{Polynomials, ROUND, nearest};
+use crate::taps::{below, weights};
 
 /// Lines per call of a kernel, to amortise the switch of instruction sets.
 const RUN: usize = 4 * GROUP;
@@ -337,8 +337,16 @@ impl<const W: usize> Kernel for At<'_, W> {
                 map,
                 bins: &places.bins[at..],
                 ranges: &places.ranges[at..],
-                across: weights(lanes, map.kernel, lanes.load(&places.across[at..])),
-                along: weights(lanes, map.kernel, lanes.load(&places.along[at..])),
+                across: weights(
+                    lanes,
+                    map.kernel.polynomials(),
+                    lanes.load(&places.across[at..]),
+                ),
+                along: weights(
+                    lanes,
+                    map.kernel.polynomials(),
+                    lanes.load(&places.along[at..]),
+                ),
             };
             let [re, im] = few.read(lanes);
             let [cos, sin] = phasor.at(lanes, lanes.load(&places.turns[at..]));

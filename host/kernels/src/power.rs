@@ -37,6 +37,113 @@ impl Kernel for Power<'_> {
     }
 }
 
+/// Squared magnitudes in float64: those of very small or large float32 values underflow or overflow in float32.
+///
+/// # Panics
+/// If the numbers of values and powers differ.
+pub fn powers(instructions: Instructions, values: &[Complex32], powers: &mut [f64]) {
+    assert_eq!(values.len(), powers.len());
+    instructions.run(Powers { values, powers });
+}
+
+struct Powers<'a> {
+    values: &'a [Complex32],
+    powers: &'a mut [f64],
+}
+
+impl Kernel for Powers<'_> {
+    type Output = ();
+
+    /// A plain loop, vectorised by the compiler.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        for (power, z) in self.powers.iter_mut().zip(self.values) {
+            let (re, im) = (f64::from(z.re), f64::from(z.im));
+            *power = re * re + im * im;
+        }
+    }
+}
+
+/// Statistics of powers: sum, sum and count of those up to a threshold, and maximum.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Level {
+    /// Sum of all powers.
+    pub all: f64,
+    /// Sum of the powers up to the threshold.
+    pub weak: f64,
+    /// Number of powers up to the threshold.
+    pub count: f64,
+    /// Largest of all powers.
+    pub peak: f64,
+}
+
+impl Level {
+    /// Statistics of `powers` for a threshold.
+    pub fn of(instructions: Instructions, powers: &[f64], threshold: f64) -> Self {
+        instructions.run(OfLevel { powers, threshold })
+    }
+
+    /// Combine with the statistics of other powers.
+    #[inline(always)]
+    pub fn add(&mut self, other: &Self) {
+        self.all += other.all;
+        self.weak += other.weak;
+        self.count += other.count;
+        self.peak = self.peak.max(other.peak);
+    }
+
+    /// Mean of the powers up to the threshold.
+    pub fn mean(&self) -> f64 {
+        self.weak / self.count.max(1.0)
+    }
+}
+
+/// Partial sums, which the compiler keeps in vectors.
+const PARTS: usize = 8;
+
+struct OfLevel<'a> {
+    powers: &'a [f64],
+    threshold: f64,
+}
+
+impl OfLevel<'_> {
+    #[inline(always)]
+    fn add(&self, sums: &mut [[f64; PARTS]; 4], powers: &[f64]) {
+        for (i, &power) in powers.iter().enumerate() {
+            let is_weak = power <= self.threshold;
+            sums[0][i] += power;
+            sums[1][i] += if is_weak { power } else { 0.0 };
+            sums[2][i] += if is_weak { 1.0 } else { 0.0 };
+            sums[3][i] = if power > sums[3][i] {
+                power
+            } else {
+                sums[3][i]
+            };
+        }
+    }
+}
+
+impl Kernel for OfLevel<'_> {
+    type Output = Level;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> Level {
+        let mut sums = [[0.0; PARTS]; 4];
+        let (chunks, rest) = self.powers.as_chunks::<PARTS>();
+        for chunk in chunks {
+            self.add(&mut sums, chunk);
+        }
+        self.add(&mut sums, rest);
+        let [all, weak, count] = [sums[0], sums[1], sums[2]].map(|parts| parts.iter().sum());
+        Level {
+            all,
+            weak,
+            count,
+            peak: sums[3].iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,6 +167,26 @@ mod tests {
                 );
                 assert_eq!(got, power(Instructions::Portable, &samples, &weights));
             }
+        }
+    }
+
+    #[test]
+    fn levels_agree_with_sums_of_each_power() {
+        let values = Numbers::new(4).samples(1003);
+        for instructions in Instructions::available() {
+            let mut all = vec![0.0; values.len()];
+            powers(instructions, &values, &mut all);
+            let level = Level::of(instructions, &all, 0.25);
+            let weak = || all.iter().filter(|&&power| power <= 0.25);
+            let [sum, sum_of_weak] = [all.iter().sum::<f64>(), weak().sum()];
+            assert!((level.all - sum).abs() < 1e-10 && (level.weak - sum_of_weak).abs() < 1e-10);
+            assert_eq!(level.count, weak().count() as f64);
+            assert_eq!(level.peak, all.iter().copied().fold(0.0, f64::max));
+            let largest = values
+                .iter()
+                .map(|&z| wide(z).norm_sqr())
+                .fold(0.0, f64::max);
+            assert!((level.peak - largest).abs() < 1e-15);
         }
     }
 }

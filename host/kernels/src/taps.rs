@@ -1,15 +1,9 @@
-//! Kaiser-Bessel kernel weights at fractional positions.
+//! Kernel weights at fractional positions.
 
-use subaperture_signal::kaiser_bessel::KaiserBessel;
+use subaperture_signal::kaiser_bessel::TERMS;
 
 use crate::lanes::Lanes;
-use crate::phasor::ROUND_F64;
-
-/// Nearest integer, for magnitudes below 2^51.
-#[inline(always)]
-pub(crate) fn nearest(x: f64) -> f64 {
-    (x + ROUND_F64) - ROUND_F64
-}
+use crate::phasor::nearest;
 
 /// Floor.
 #[inline(always)]
@@ -18,16 +12,16 @@ pub(crate) fn below(x: f64) -> f64 {
     if near > x { near - 1.0 } else { near }
 }
 
-/// Kernel weights; `u` is the fraction above the lower element, minus a half.
+/// Kernel weights by polynomials of their even and odd parts ([`subaperture_signal::kaiser_bessel::KaiserBessel::polynomials`]); `u` is the fraction above the lower element, minus a half.
 #[inline(always)]
 pub(crate) fn weights<L: Lanes, const W: usize>(
     lanes: L,
-    kernel: &KaiserBessel,
+    polynomials: &[[[f32; TERMS]; 2]],
     u: L::Numbers,
 ) -> [L::Numbers; W] {
     let mut weights = [lanes.splat(0.0); W];
     let square = lanes.mul(u, u);
-    for (tap, [even, odd]) in kernel.polynomials()[..W / 2].iter().enumerate() {
+    for (tap, [even, odd]) in polynomials[..W / 2].iter().enumerate() {
         let mut sums = [lanes.splat(0.0); 2];
         for (sum, terms) in sums.iter_mut().zip([even, odd]) {
             let [a, b, c, d] = *terms;

@@ -1,4 +1,4 @@
-//! Kaiser-Bessel interpolation and gridding, for signals oversampled by about two.
+//! Kaiser-Bessel interpolation and gridding of oversampled signals.
 //!
 //! A signal with a spectrum inside `|x| <= 1/4` cycle per sample is interpolated by
 //!
@@ -12,7 +12,7 @@
 //! Phi(x) = W sinh(sqrt(beta^2 - (pi W x)^2)) / (I0(beta) sqrt(beta^2 - (pi W x)^2))
 //! ```
 //!
-//! and `beta = pi sqrt((W / 2)^2 (3 / 2)^2 - 0.8)` (Beatty, Nishimura and Pauly 2005, (5), for an oversampling of 2).
+//! and `beta = pi sqrt((W / s)^2 (s - 1/2)^2 - 0.8)` for an oversampling `s`, 2 by default (Beatty, Nishimura and Pauly 2005, (5)).
 //! The error consists of the spectral images at `x + i`; [`KaiserBessel::error`] sums them. For a full band the
 //! relative RMS error is -67.7 dB with 4 taps and -106.9 dB with 6; with more taps it is below the rounding error of
 //! float32 sums.
@@ -22,10 +22,9 @@
 
 use std::f64::consts::PI;
 
-use super::taps::{KaiserWindow, WeightTable};
+use super::taps::{KaiserWindow, WeightTable, even_and_odd};
 
-/// Terms of the even part of a weight, and of its odd part.
-pub const TERMS: usize = 4;
+pub use super::taps::TERMS;
 
 /// Kaiser-Bessel kernel.
 #[derive(Clone, Debug)]
@@ -37,17 +36,24 @@ pub struct KaiserBessel {
 }
 
 impl KaiserBessel {
-    /// Make a kernel with `taps` taps, an even number.
+    /// Make a kernel with `taps` taps, an even number, for an oversampling of 2.
     pub fn new(taps: usize) -> Self {
+        Self::oversampled(taps, 2.0)
+    }
+
+    /// Make a kernel with `taps` taps, an even number of at least 4, for an `oversampling` of 1.1 or more: spectra inside
+    /// `1 / (2 oversampling)` cycles per sample, `beta = pi sqrt((W / s)^2 (s - 1/2)^2 - 0.8)`.
+    pub fn oversampled(taps: usize, oversampling: f64) -> Self {
         let half = taps as f64 / 2.0;
-        let beta = PI * (half * half * 2.25 - 0.8).sqrt();
+        let ratio = taps as f64 / oversampling * (oversampling - 0.5);
+        let beta = PI * (ratio * ratio - 0.8).max(0.0).sqrt();
         let window = KaiserWindow::new(taps, beta);
         Self {
             taps,
             window,
             table: WeightTable::new(taps, |t| window.at(t)),
             polynomials: (0..taps / 2)
-                .map(|tap| parts(|u| window.at(u + half - 0.5 - tap as f64)))
+                .map(|tap| even_and_odd(|u| window.at(u + half - 0.5 - tap as f64)))
                 .collect(),
         }
     }
@@ -119,40 +125,6 @@ impl KaiserBessel {
             .map(|image| (self.spectrum(x + image) / own).powi(2))
             .sum()
     }
-}
-
-/// Even part of a function over half a sample to either side, and its odd part divided by `u`, as polynomials in `u^2`
-/// through Chebyshev nodes.
-fn parts(of: impl Fn(f64) -> f64) -> [[f32; TERMS]; 2] {
-    let mut squares = [0.0; TERMS];
-    let mut values = [[0.0; TERMS]; 2];
-    for (k, square) in squares.iter_mut().enumerate() {
-        let u = 0.5 * libm::cos(PI * (k as f64 + 0.5) / (2 * TERMS) as f64);
-        let (after, before) = (of(u), of(-u));
-        *square = u * u;
-        values[0][k] = (after + before) / 2.0;
-        values[1][k] = (after - before) / (2.0 * u);
-    }
-    values.map(|values| through(&squares, values).map(|x| x as f32))
-}
-
-/// Coefficients of the interpolating polynomial: Newton's form, expanded.
-fn through(at: &[f64; TERMS], mut values: [f64; TERMS]) -> [f64; TERMS] {
-    for order in 1..TERMS {
-        for k in (order..TERMS).rev() {
-            values[k] = (values[k] - values[k - 1]) / (at[k] - at[k - order]);
-        }
-    }
-    let mut coefficients = [0.0; TERMS];
-    for k in (0..TERMS).rev() {
-        // Previous polynomial times (x - at[k]), plus this value.
-        for i in (0..TERMS).rev() {
-            let lower = if i > 0 { coefficients[i - 1] } else { 0.0 };
-            coefficients[i] = lower - at[k] * coefficients[i];
-        }
-        coefficients[0] += values[k];
-    }
-    coefficients
 }
 
 #[cfg(test)]

@@ -7,9 +7,11 @@
 
 pub mod dense;
 pub mod fast_length;
+pub mod flat_kernel;
 pub mod halfway;
 pub mod kaiser_bessel;
 pub mod phase;
+pub mod polynomial;
 pub mod range_profile;
 pub mod scaled_dft;
 pub mod sinc_keystone;

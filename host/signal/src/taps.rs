@@ -2,7 +2,11 @@
 
 use std::f64::consts::PI;
 
+use super::polynomial::through;
 use super::window::bessel_i0;
+
+/// Terms of the even part of a weight, and of its odd part.
+pub const TERMS: usize = 4;
 
 /// Rows of a weight table per sample of distance.
 const STEPS: usize = 512;
@@ -92,4 +96,19 @@ impl WeightTable {
         }
         weights
     }
+}
+
+/// Even part of a function over half a sample to either side, and its odd part divided by `u`, as polynomials in `u^2`
+/// through Chebyshev nodes.
+pub(super) fn even_and_odd(of: impl Fn(f64) -> f64) -> [[f32; TERMS]; 2] {
+    let mut squares = [0.0; TERMS];
+    let mut values = [[0.0; TERMS]; 2];
+    for (k, square) in squares.iter_mut().enumerate() {
+        let u = 0.5 * libm::cos(PI * (k as f64 + 0.5) / (2 * TERMS) as f64);
+        let (after, before) = (of(u), of(-u));
+        *square = u * u;
+        values[0][k] = (after + before) / 2.0;
+        values[1][k] = (after - before) / (2.0 * u);
+    }
+    values.map(|values| through(squares, values).map(|x| x as f32))
 }

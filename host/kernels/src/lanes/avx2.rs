@@ -114,6 +114,35 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
+    fn zip(self, a: __m256, b: __m256) -> [__m256; 2] {
+        // SAFETY: as above. Within register halves first; then the halves are put in order.
+        unsafe {
+            let (low, high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            [
+                _mm256_permute2f128_ps::<0x20>(low, high),
+                _mm256_permute2f128_ps::<0x31>(low, high),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn is_equal(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_and_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(a, b), _mm256_set1_ps(1.0)) }
+    }
+    #[inline(always)]
+    fn ends(self, x: __m256) -> [f32; 2] {
+        // SAFETY: as above. Halves, quarters, neighbours.
+        unsafe {
+            let (low, high) = (_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+            let (least, most) = (_mm_min_ps(low, high), _mm_max_ps(low, high));
+            let least = _mm_min_ps(least, _mm_movehl_ps(least, least));
+            let most = _mm_max_ps(most, _mm_movehl_ps(most, most));
+            let least = _mm_min_ss(least, _mm_movehdup_ps(least));
+            let most = _mm_max_ss(most, _mm_movehdup_ps(most));
+            [_mm_cvtss_f32(least), _mm_cvtss_f32(most)]
+        }
+    }
+    #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> [__m256; 2] {
         [self.load(values), self.load(&values[8..])]
     }

@@ -103,6 +103,31 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
+    fn zip(self, a: __m512, b: __m512) -> [__m512; 2] {
+        // SAFETY: as above; places 16 to 31 are those of `b`.
+        unsafe {
+            let first = _mm512_set_epi32(23, 7, 22, 6, 21, 5, 20, 4, 19, 3, 18, 2, 17, 1, 16, 0);
+            let last = _mm512_add_epi32(first, _mm512_set1_epi32(8));
+            [
+                _mm512_permutex2var_ps(a, first, b),
+                _mm512_permutex2var_ps(a, last, b),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn is_equal(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe {
+            let equal = _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b);
+            _mm512_maskz_mov_ps(equal, _mm512_set1_ps(1.0))
+        }
+    }
+    #[inline(always)]
+    fn ends(self, x: __m512) -> [f32; 2] {
+        // SAFETY: as above.
+        unsafe { [_mm512_reduce_min_ps(x), _mm512_reduce_max_ps(x)] }
+    }
+    #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> __m512 {
         self.load(values)
     }

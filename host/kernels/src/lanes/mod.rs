@@ -64,6 +64,12 @@ pub(crate) trait Lanes: Copy {
     fn neg_mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
     /// Deinterleave: even elements of `a` then `b`, and odd elements.
     fn unzip(self, a: Self::Numbers, b: Self::Numbers) -> [Self::Numbers; 2];
+    /// Interleave: the first elements of `a` and `b` in turn, and the last elements.
+    fn zip(self, a: Self::Numbers, b: Self::Numbers) -> [Self::Numbers; 2];
+    /// 1 in lanes where `a` equals `b`, 0 elsewhere.
+    fn is_equal(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
+    /// Smallest and largest lane of finite numbers.
+    fn ends(self, x: Self::Numbers) -> [f32; 2];
     /// Load a table of 16 values.
     fn narrow(self, values: &[f32; 16]) -> Self::Narrow;
     /// Look up 16 values by the lowest 4 bits of each lane.
@@ -171,5 +177,19 @@ impl Instructions {
                 None => kernel.run(Portable),
             },
         }
+    }
+}
+
+/// Transpose `COUNT` vectors of `COUNT` lanes, the first of `rows`: each step of perfect shuffles rotates the bits of row and lane by one.
+#[inline(always)]
+pub(crate) fn transpose<L: Lanes>(lanes: L, rows: &mut [L::Numbers; GROUP]) {
+    let half = L::COUNT / 2;
+    let mut step = 1;
+    while step < L::COUNT {
+        let from = *rows;
+        for i in 0..half {
+            [rows[2 * i], rows[2 * i + 1]] = lanes.zip(from[i], from[i + half]);
+        }
+        step *= 2;
     }
 }

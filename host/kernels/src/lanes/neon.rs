@@ -112,6 +112,24 @@ impl Lanes for Neon {
         unsafe { [vuzp1q_f32(a, b), vuzp2q_f32(a, b)] }
     }
     #[inline(always)]
+    fn zip(self, a: float32x4_t, b: float32x4_t) -> [float32x4_t; 2] {
+        // SAFETY: as above.
+        unsafe { [vzip1q_f32(a, b), vzip2q_f32(a, b)] }
+    }
+    #[inline(always)]
+    fn is_equal(self, a: float32x4_t, b: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe {
+            let one = vreinterpretq_u32_f32(vdupq_n_f32(1.0));
+            vreinterpretq_f32_u32(vandq_u32(vceqq_f32(a, b), one))
+        }
+    }
+    #[inline(always)]
+    fn ends(self, x: float32x4_t) -> [f32; 2] {
+        // SAFETY: as above.
+        unsafe { [vminvq_f32(x), vmaxvq_f32(x)] }
+    }
+    #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> uint8x16x4_t {
         self.table(values)
     }

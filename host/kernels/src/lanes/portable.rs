@@ -63,6 +63,21 @@ impl Lanes for Portable {
         [[a[0], a[2], b[0], b[2]], [a[1], a[3], b[1], b[3]]]
     }
     #[inline(always)]
+    fn zip(self, a: Self::Numbers, b: Self::Numbers) -> [Self::Numbers; 2] {
+        [[a[0], b[0], a[1], b[1]], [a[2], b[2], a[3], b[3]]]
+    }
+    #[inline(always)]
+    fn is_equal(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers {
+        each(|i| if a[i] == b[i] { 1.0 } else { 0.0 })
+    }
+    #[inline(always)]
+    fn ends(self, x: Self::Numbers) -> [f32; 2] {
+        let pick = |least: f32, x: f32| if x < least { x } else { least };
+        let least = pick(pick(x[0], x[1]), pick(x[2], x[3]));
+        let pick = |most: f32, x: f32| if x > most { x } else { most };
+        [least, pick(pick(x[0], x[1]), pick(x[2], x[3]))]
+    }
+    #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> [f32; 16] {
         *values
     }

@@ -251,6 +251,89 @@ fn data_movement_is_bit_exact() {
     }
 }
 
+/// Interleaved pairs, comparison with the next number, ends of each vector, and tiles transposed.
+struct Arranged<'a>(&'a [f32]);
+
+impl Kernel for Arranged<'_> {
+    type Output = [Vec<f32>; 4];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> [Vec<f32>; 4] {
+        let [mut zipped, mut equal, mut ends, mut tiles] = [const { Vec::new() }; 4];
+        for (i, part) in self.0.chunks_exact(2 * GROUP).enumerate() {
+            let (a, b) = part.split_at(GROUP);
+            for at in (0..GROUP).step_by(L::COUNT) {
+                let (a, b) = (lanes.load(&a[at..]), lanes.load(&b[at..]));
+                let mut own = [0.0; 2 * GROUP];
+                let [first, last] = lanes.zip(a, b);
+                lanes.store(first, &mut own);
+                lanes.store(last, &mut own[L::COUNT..]);
+                zipped.extend(&own[..2 * L::COUNT]);
+                lanes.store(lanes.is_equal(a, b), &mut own);
+                equal.extend(&own[..L::COUNT]);
+                ends.extend(lanes.ends(a));
+            }
+            let mut tile = [lanes.splat(0.0); GROUP];
+            for (row, tile) in tile.iter_mut().enumerate().take(L::COUNT) {
+                let numbers: [f32; GROUP] = std::array::from_fn(|lane| tile_number(i, row, lane));
+                *tile = lanes.load(&numbers);
+            }
+            transpose(lanes, &mut tile);
+            for (row, &tile) in tile.iter().enumerate().take(L::COUNT) {
+                let mut own = [0.0; GROUP];
+                lanes.store(tile, &mut own);
+                let expected = (0..L::COUNT).map(|lane| tile_number(i, lane, row));
+                tiles.extend(
+                    own.iter()
+                        .zip(expected)
+                        .map(|(got, expected)| got - expected),
+                );
+            }
+        }
+        [zipped, equal, ends, tiles]
+    }
+}
+
+fn tile_number(tile: usize, row: usize, lane: usize) -> f32 {
+    (tile * 1000 + row * 20 + lane) as f32
+}
+
+#[test]
+fn arrangement_and_comparison_equal_scalar_operations() {
+    let finite = |seed| {
+        numbers(seed)
+            .into_iter()
+            .map(|x| if x.is_finite() { x } else { 2.0 })
+    };
+    let numbers: Vec<f32> = finite(8).map(|x| (4.0 * x).round() / 4.0).collect();
+    for instructions in all() {
+        let [zipped, equal, ends, tiles] = instructions.run(Arranged(&numbers));
+        let pairs = numbers.chunks_exact(2 * GROUP).flat_map(|part| {
+            let (a, b) = part.split_at(GROUP);
+            a.iter().zip(b)
+        });
+        for (i, (a, b)) in pairs.enumerate() {
+            assert!(same(zipped[2 * i], *a) && same(zipped[2 * i + 1], *b));
+            assert_eq!(equal[i], if a == b { 1.0 } else { 0.0 });
+        }
+        let count = equal.len() / (ends.len() / 2);
+        let first_halves = numbers
+            .chunks_exact(2 * GROUP)
+            .flat_map(|part| &part[..GROUP]);
+        let first_halves: Vec<f32> = first_halves.copied().collect();
+        for (part, ends) in first_halves
+            .chunks_exact(count)
+            .zip(ends.as_chunks::<2>().0)
+        {
+            let least = part.iter().copied().fold(f32::INFINITY, f32::min);
+            let most = part.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            assert_eq!(*ends, [least, most]);
+        }
+        assert!(equal.contains(&1.0) && equal.contains(&0.0));
+        assert!(!tiles.is_empty() && tiles.iter().all(|off| *off == 0.0));
+    }
+}
+
 /// Load or store with a slice that is one number too short.
 struct TooFew {
     is_read: bool,

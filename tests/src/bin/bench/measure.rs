@@ -12,6 +12,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use subaperture::focus::formers::{FORMERS, former};
+use subaperture::focus::stages::{StageTime, StageTimer, StageTimes};
 use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, Task, machine};
 use subaperture::monitor::Silent;
 use subaperture::num_complex::{Complex32, Complex64};
@@ -123,7 +124,7 @@ pub(crate) struct Measured {
     pub(crate) operations: f64,
     /// Lower limit of bytes transferred.
     pub(crate) least_bytes: f64,
-    /// Remark for the reader.
+    /// Remark for the reader, with the shares of the former's stages in the time of all threads.
     pub(crate) note: String,
 }
 
@@ -151,13 +152,24 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
     };
     let begun = Instant::now();
     let mut shortest = [f64::INFINITY, 0.0];
+    let mut stages = String::new();
     let mut turns = 0;
     let formed = loop {
+        let times = StageTimes::default();
+        let monitor = StageTimer {
+            monitor: &Silent,
+            times: &times,
+        };
+        let task = Task {
+            monitor: &monitor,
+            ..task
+        };
         let (start, before_s) = (Instant::now(), processor_seconds());
         let formed = former.form_best(&task).map_err(|error| error.to_string())?;
         let seconds = start.elapsed().as_secs_f64();
         if seconds < shortest[0] {
             shortest = [seconds, processor_seconds() - before_s];
+            stages = shares(&times.taken(), shortest[1]);
         }
         turns += 1;
         if turns == MAX_TURNS || begun.elapsed().as_secs_f64() > ENOUGH_S {
@@ -184,7 +196,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         peak_bytes,
         operations,
         least_bytes: (8 * side * side) as f64 + case.bytes() as f64,
-        note: note(case, side, formed.bound_missed, replanned),
+        note: note(case, side, (formed.bound_missed, replanned), stages),
     })
 }
 
@@ -193,7 +205,16 @@ fn processor_seconds() -> f64 {
     processor::seconds(Of::Own).unwrap_or(0.0)
 }
 
-fn note(case: &Case, side: usize, missed: bool, replanned: bool) -> String {
+/// Shares of the stages in the processor time, such as `maps 40 %`.
+fn shares(stages: &[StageTime], processor_s: f64) -> String {
+    let share = |one: &StageTime| {
+        let part = 100.0 * one.threads.as_secs_f64() / processor_s.max(1e-9);
+        format!("{} {part:.0} %", one.stage)
+    };
+    stages.iter().map(share).collect::<Vec<_>>().join(", ")
+}
+
+fn note(case: &Case, side: usize, (missed, replanned): (bool, bool), stages: String) -> String {
     let mut notes = Vec::new();
     if side < case.side {
         notes.push(format!("{side} x {side} pixels of the middle"));
@@ -204,6 +225,7 @@ fn note(case: &Case, side: usize, missed: bool, replanned: bool) -> String {
     if replanned {
         notes.push("formed twice for the bound".to_owned());
     }
+    notes.push(stages);
     notes.join("; ")
 }
 

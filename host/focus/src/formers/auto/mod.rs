@@ -1,15 +1,16 @@
 //! Automatic choice of the fastest former that supports any track.
 //!
 //! Each of [`CANDIDATES`] plans the image within the same bound. Among those that keep it, the former with the shortest time by the
-//! timing model forms the image. That is [`crate::ffbp`] wherever it supports the collection: an image too small for factorisation is a single patch, backprojected
-//! as fast as by plain backprojection. [`crate::bp`] forms images that `ffbp` refuses: bounds below the error of its kernels, and antennas with significant intra-pulse
-//! motion, where each sample has its own antenna position. Patches of one level ([`crate::rdbp`]) are not a candidate: they took longer than `ffbp` in every measured
-//! case, and planning them takes longer than forming a small image.
+//! timing model forms the image. That is [`crate::rdbp`] on a Cartesian plane of some hundred pixels or more, if the antennas rest during a pulse, and
+//! [`crate::ffbp`] on other grids: an image too small for factorisation is a single patch, backprojected
+//! as fast as by plain backprojection. [`crate::bp`] forms images that these refuse: bounds below the error of their kernels, and antennas with significant intra-pulse
+//! motion, where each sample has its own antenna position. `rdbp` with patches of one level is not a candidate: it took longer than `ffbp` in every measured
+//! case, and planning takes longer than forming a small image.
 //!
 //! Plans by the default timing model are the same on every machine, and so is this choice. The choice is part of the plan and appears in the settings of the
 //! record (`former`).
 //!
-//! Error, cost and memory are those of the selected former. Planning takes the time of both.
+//! Error, cost and memory are those of the selected former. Planning takes the time of all.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,14 +18,18 @@ use super::algorithm::Algorithm;
 use super::entry::Entry;
 use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use super::{bp, ffbp};
+use super::{bp, ffbp, rdbp};
 use crate::former_choices::{FormerChoices, misfit};
 use crate::goal::{Settings, misses};
-use crate::{Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
+use crate::{Decision, ErrorGoal, FormError, Forming, ImageSpec};
 use subaperture_model::monitor::Monitor;
 
 /// Names of the candidates; the first wins if two are equally fast.
-pub const CANDIDATES: [Entry; 2] = [bp::Backprojection::ENTRY, ffbp::FastFactorised::ENTRY];
+pub const CANDIDATES: [Entry; 3] = [
+    bp::Backprojection::ENTRY,
+    ffbp::FastFactorised::ENTRY,
+    rdbp::RangeDopplerBackprojection::ENTRY,
+];
 
 /// Fastest former within a bound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,8 +42,24 @@ pub struct Auto {
 error_bound!(Auto {});
 
 impl Auto {
-    fn candidates(&self) -> impl Iterator<Item = Box<dyn ImageFormer>> {
-        CANDIDATES.iter().map(|entry| entry.within(self.error_db))
+    /// Plan of a candidate; `None` if it does not follow the antennas, or has no nested patches with maps.
+    fn plan_of(
+        &self,
+        entry: &Entry,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Decision>, FormError> {
+        if entry.name == rdbp::RangeDopplerBackprojection::ENTRY.name {
+            let former = rdbp::RangeDopplerBackprojection::default().error_db(self.error_db);
+            let decision = former.nested(spec, goal)?;
+            return Ok(decision.map(|own| own.map_choices(FormerChoices::new)));
+        }
+        let former = entry.within(self.error_db);
+        if spec.collection.sweeps() && !former.follows_sweeps() {
+            return Ok(None);
+        }
+        former.decide(spec, goal, monitor).map(Some)
     }
 }
 
@@ -60,7 +81,7 @@ pub(crate) struct Choices {
 impl Algorithm for Auto {
     const ENTRY: Entry = Entry::new::<Self>(
         "auto",
-        "the faster of bp and ffbp within the bound",
+        "the fastest of bp, ffbp and rdbp within the bound",
         &[ERROR_DB],
     );
 
@@ -78,15 +99,12 @@ impl Algorithm for Auto {
         goal: &ErrorGoal,
         monitor: &dyn Monitor,
     ) -> Result<Decision<Choices>, FormError> {
-        let sweeps = spec.collection.sweeps();
         let mut best: Option<(Decision, &'static str)> = None;
         let mut refusal = None;
-        for former in self.candidates() {
-            if sweeps && !former.follows_sweeps() {
-                continue;
-            }
-            match former.decide(spec, goal, monitor) {
-                Ok(own) => {
+        for entry in &CANDIDATES {
+            match self.plan_of(entry, spec, goal, monitor) {
+                Ok(None) => {}
+                Ok(Some(own)) => {
                     let better = best.as_ref().is_none_or(|(best, _)| {
                         // A plan that keeps the bound ranks before one that does not, then the faster.
                         let rank = |of: &Decision| {
@@ -95,7 +113,7 @@ impl Algorithm for Auto {
                         rank(&own) < rank(best)
                     });
                     if better {
-                        best = Some((own, former.name()));
+                        best = Some((own, entry.name));
                     }
                 }
                 Err(FormError::Cancelled) => return Err(FormError::Cancelled),

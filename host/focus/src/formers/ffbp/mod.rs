@@ -1,82 +1,13 @@
-//! Fast factorised backprojection: nested patches, each with only the pulses and frequencies
-//! that it needs.
-//!
-//! After motion compensation to a patch centre `q`, the phase history of the patch's pixels varies slowly: by
-//! `2 pi f (path_n(p) - path_n(q)) / c`. Its bandwidth over frequency is proportional to the depth of the patch, over slow time to its
-//! width. A patch of half the size therefore needs half of the pulses and half of the frequencies:
-//!
-//! ```text
-//! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)            compensate to q
-//! y'[i][l]  = y[2 i'][2 l'] + interpolation from odd pulses and frequencies         decimate by two
-//! ```
-//!
-//! The step is repeated from each patch to its four quarters, each with its own centre, down to small patches
-//! with few pulses, which plain backprojection images (`leaf`). Odd samples are transferred to the even ones around them by an
-//! interpolation kernel of the pixels' phase, `exp(j phase(n)) = sum_i h[i] exp(j phase(2 i))`
-//! ([`subaperture_signal::halfway`], [`subaperture_kernels::decimation`]). The sum over pulses and frequencies needs no more, and
-//! scatterers outside the patch do not matter. At the ends `h` extends past the data: decimated histories are `W - 1` samples longer than
-//! half, and the antenna track is extrapolated smoothly there (`thinned`). Retained pulses keep their positions.
-//!
-//! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
-//! rather than the merging of sub-aperture images (Ulander, Hellsten and Stenstroem, 2003). Merging
-//! interpolates complex images in two dimensions, `W^2` operations a value, whereas decimation is
-//! separable, `2 W`, and its only error is that of the kernel. It is equivalent to the patch compensation of [`crate::rdbp`]
-//! over several levels.
-//!
-//! Neglected: the kernel error per decimation and direction; the range profile error ([`crate::bp`]); the part of the track that is
-//! not smooth from pulse to pulse, as far as it differs across the patch; and the phase beyond the ends of the data
-//! where antennas turn quickly. Each has a share of the bound. Every decimation is checked against
-//! its share for the actual patch and pulses in advance (`refine`) and omitted if it exceeds
-//! it. A track that does not permit decimation in slow time (jitter, alternating antennas, a patch around the
-//! antennas) therefore costs as much as plain backprojection and has no larger error.
-//!
-//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `18 + 6 W` real operations per sample and level (each of the four
-//! quarters processes the samples of a patch), `log2(N / 64)` levels of `N^2` samples or more, and about 100 pulses per pixel at the leaves:
-//! `N^2 log N` compared with `N^3` of backprojection. The length of the kernel enlarges small histories, so the factorisation is profitable from some
-//! hundreds of pixels and pulses on. Sizes of leaves, first patches and pulse blocks are chosen by a cost model
-//! (`choice`, `cost`).
-//!
-//! Memory: the histories along the descent to one leaf, the first patch's being the largest; a few megabytes per thread; the image.
-//! First patches and pulse blocks are chosen to fit the scratch memory of the plan.
-//!
-//! Accuracy: the requested bound, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
-
-mod choice;
-mod cost;
-#[cfg(test)]
-mod counted;
-mod descent;
-mod history;
-mod leaf;
-mod patch_view;
-mod refine;
-mod shares;
-mod thinned;
-mod tree;
-
-use std::sync::atomic::AtomicUsize;
-
-use serde_json::json;
+//! Fast factorised backprojection: nested patches of pixels whose histories are decimated (`factorised`), and plain
+//! backprojection of the smallest.
 
 use super::Entry;
 use super::algorithm::Algorithm;
 use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use crate::budget::{Budget, on_threads};
-use crate::former_choices::misfit;
-use crate::patch::Patches;
-use crate::sub_cpi::shared_band;
-use crate::{
-    Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy, Tile, Work, rounding,
-};
+use crate::factorised::{self, Leaves};
+use crate::{Decision, ErrorGoal, FormError, Forming, ImageSpec};
 use subaperture_model::monitor::Monitor;
-
-use choice::Choices;
-use cost::Demand;
-use descent::{Descent, Pool, Wanted, task_level};
-use refine::{Recorded, Refiner};
-use thinned::Stretch;
-use tree::Node;
 
 /// Fast factorised backprojection.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -97,202 +28,23 @@ impl Algorithm for FastFactorised {
 
     const FOLLOWS_RELIEF: bool = true;
 
-    type Choices = Choices;
+    type Choices = factorised::Choices;
 
     fn decide(
         &self,
         spec: &ImageSpec,
         goal: &ErrorGoal,
         _: &dyn Monitor,
-    ) -> Result<Decision<Choices>, FormError> {
-        shared_band(spec.collection)?;
-        let refiner = Refiner::of(spec.collection, self.error_db);
-        let phases = [
-            rounding::path_phase_rad(spec.collection, spec.grid),
-            rounding::band_phase_rad(spec),
-        ];
-        let arithmetic = libm::hypot(phases[0], phases[1]);
-        let num_pulses = spec.collection.pulses.len();
-        let planned_db = refiner.shares().planned_db(num_pulses, arithmetic);
-        goal.check(planned_db, || {
-            Reason::new("kernels and the rounding of float32 sums limit the error")
-                .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
-        })?;
-        let choices = Choices::of(self.error_db, spec, &refiner);
-        let stretches = choices.stretches(spec, refiner.taps());
-        let tree = choices.tree;
-        let descents = cost::descents(spec, &refiner, &stretches, &tree);
-        Ok(Decision {
-            settings: json!({
-                "stretches": stretches.len(),
-                "levels": tree.levels,
-                "leaf_rows": tree.leaf[0],
-                "leaf_columns": tree.leaf[1],
-                "kernel_taps": refiner.taps().len(),
-            }),
-            planned_db,
-            grain: tree.patch_size(tree.levels),
-            cost: cost::cost(&descents, &refiner),
-            choices,
-        })
+    ) -> Result<Decision<factorised::Choices>, FormError> {
+        let decision = factorised::decide(self.error_db, Leaves::Pulses, spec, goal)?;
+        Ok(decision.expect("every image has leaves of pulses"))
     }
 
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: Choices,
+        choices: factorised::Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Opened::new(spec, choices)?))
-    }
-}
-
-/// Plan opened for forming.
-struct Opened<'a> {
-    spec: ImageSpec<'a>,
-    choices: Choices,
-    refiner: Refiner<'a>,
-    stretches: Vec<Stretch>,
-    demand: Demand,
-    tasks: Patches,
-}
-
-impl<'a> Opened<'a> {
-    fn new(spec: ImageSpec<'a>, choices: Choices) -> Result<Self, FormError> {
-        shared_band(spec.collection)?;
-        if !choices.are_of(&spec) {
-            let mismatch = "expected blocks that cover these pulses, leaves of a possible size and a valid error bound";
-            return Err(misfit(FastFactorised::ENTRY.name, mismatch));
-        }
-        let refiner = Refiner::of(spec.collection, choices.error_db);
-        let stretches = choices.stretches(&spec, refiner.taps());
-        let tree = choices.tree;
-        Ok(Self {
-            demand: cost::demand(&cost::descents(&spec, &refiner, &stretches, &tree)),
-            tasks: Patches::of_size(spec.grid, tree.patch_size(task_level(&tree))),
-            stretches,
-            refiner,
-            choices,
-            spec,
-        })
-    }
-
-    fn recorded<'b>(
-        &self,
-        work: &'b Work,
-        Reading { at_once, hold, .. }: Reading,
-        stretch: &Stretch,
-    ) -> Result<Recorded<'b>, FormError> {
-        let held = match hold {
-            true => Some(self.refiner.hold(stretch, work.history, at_once)?),
-            false => None,
-        };
-        let weights = self.spec.weights;
-        let norm = weights.normalisation();
-        let slow = &weights.slow[stretch.pulses.clone()];
-        Ok(Recorded {
-            history: work.history,
-            at_once,
-            monitor: work.monitor,
-            fast: weights.fast.iter().map(|&w| w as f32).collect(),
-            slow: slow.iter().map(|w| (w * norm) as f32).collect(),
-            held,
-        })
-    }
-
-    fn add_all(
-        &self,
-        work: &Work,
-        (roots, reading): (&[Node], Reading),
-        breadth_bytes: u64,
-        tiles: &mut [Tile],
-    ) -> Result<(), FormError> {
-        let wanted: Wanted = self.tasks.split_by_place(tiles);
-        let (done, pool) = (AtomicUsize::new(0), Pool::default());
-        let tasks = self.stretches.len() * wanted.len();
-        for stretch in &self.stretches {
-            let recorded = self.recorded(work, reading, stretch)?;
-            let descent = Descent {
-                monitor: work.monitor,
-                grid: self.spec.grid,
-                tree: &self.choices.tree,
-                refiner: &self.refiner,
-                transforms: self.spec.numerics.transforms,
-                stretch,
-                wanted: &wanted,
-                pool: &pool,
-                breadth_bytes,
-                done: &done,
-                tasks,
-            };
-            descent.all(&recorded, roots, reading.ahead)?;
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Reading strategy for recorded pulses.
-#[derive(Clone, Copy)]
-struct Reading {
-    /// Pulses read together.
-    at_once: usize,
-    /// Whether the samples of a block are held for all first patches.
-    hold: bool,
-    /// Whether a first patch is read while another one is processed.
-    ahead: bool,
-}
-
-/// Levels computed in parallel, each with four histories of up to half the size of the parent.
-const BREADTH: u64 = 8;
-/// Size per thread, bytes, above which all threads decimate a history together.
-const LARGEST_BREADTH: u64 = 5 << 20;
-
-impl Forming for Opened<'_> {
-    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        let mut budget = Budget::new(work.memory_bytes);
-        let account = self.tasks.account_bytes(tiles);
-        budget.take("patches", account.into(), &[Remedy::MoreMemory])?;
-        let held = self.demand.held_bytes;
-        budget.take("histories of patches", held.into(), &[Remedy::MoreMemory])?;
-        let threads = rayon::current_num_threads();
-        let mut reading_for = threads;
-        while reading_for > 1 && self.refiner.read_bytes(reading_for) > budget.left_bytes() / 4 {
-            reading_for /= 2;
-        }
-        let bytes = self.refiner.read_bytes(reading_for);
-        budget.take("pulses being read", bytes.into(), &[Remedy::MoreMemory])?;
-        let stretches = self.stretches.iter();
-        let held = stretches.map(|s| self.refiner.held_bytes(s)).max();
-        let held = held.unwrap_or(0);
-        let roots = self.choices.tree.roots_of(self.spec.grid, tiles);
-        let several = roots.len() > 1;
-        let ahead = several && threads > 1 && self.demand.held_bytes <= budget.left_bytes() / 4;
-        if ahead {
-            let bytes = self.demand.held_bytes;
-            budget.take(
-                "the next patch's histories",
-                bytes.into(),
-                &[Remedy::MoreMemory],
-            )?;
-        }
-        let hold = several
-            && work.history.samples_in_memory(0..0).is_none()
-            && held <= budget.left_bytes() / 2;
-        if hold {
-            budget.take("recorded pulses", held.into(), &[Remedy::MoreMemory])?;
-        }
-        let reading = Reading {
-            at_once: self.refiner.read_together(reading_for),
-            hold,
-            ahead,
-        };
-        let largest = threads as u64 * LARGEST_BREADTH;
-        let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
-        let more = budget.left_bytes() / 2 / self.demand.thread_bytes.max(1);
-        on_threads(more.saturating_add(1) as usize, || {
-            self.add_all(work, (&roots, reading), breadth_bytes, tiles)
-        })
+        factorised::open(Self::ENTRY.name, spec, choices)
     }
 }

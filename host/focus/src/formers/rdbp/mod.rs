@@ -6,11 +6,19 @@
 //! - [`Mode::Thesis`], as published: sinc-resampled Keystone, zero-padded Doppler and range
 //!   transforms, bilinear interpolation ([`thesis`]). Long sub-CPIs give grating lobes. [`Thesis`] contains the parameters that the
 //!   thesis varies.
-//! - [`Mode::Precise`], the default ([`precise`]): the phase history of every patch of pixels is first
-//!   motion-compensated to the patch centre with each pulse's own position, Keystone is an exact
-//!   scaled transform, and maps are interpolated with a Kaiser-Bessel kernel on a grid twice as fine as
-//!   Nyquist's. The quadratic phase that caused the grating lobes is common to the patch and removed by
-//!   the compensation; its variation across the patch limits the length of a sub-CPI ([`Plan`]).
+//! - [`Mode::Precise`], the default. The phase history of every patch of pixels is
+//!   motion-compensated to the patch centre with each pulse's own position. The quadratic phase that caused the grating lobes is common to the patch and
+//!   removed by the compensation.
+//!
+//! The precise mode has two algorithms:
+//!
+//! - *Nested patches*. The history is decimated for patches within patches, as in [`crate::ffbp`], down to patches of some hundred pixels a side. Their
+//!   sub-apertures are gridded on the plane of frequency and rate of the line of sight, transformed to range-Doppler maps, and
+//!   interpolated in range and then in Doppler. Keystone is part of the gridding, and follows the turn of the line of sight.
+//! - *Patches of one level* ([`precise`]). Keystone is an exact
+//!   scaled transform of all frequencies, and maps are interpolated with a Kaiser-Bessel kernel on a grid twice as fine as
+//!   Nyquist's. The variation of the quadratic phase across the patch limits the length of a sub-CPI ([`Plan`]). It follows intra-pulse motion, polar grids and
+//!   rough tracks, and is used there, and where the size of sub-CPIs or of patches is given.
 
 mod cost;
 mod doppler;
@@ -28,6 +36,7 @@ use super::Entry;
 use super::algorithm::Algorithm;
 use super::error_bound::error_bound;
 use crate::compared::SWATH;
+use crate::factorised::{self, Leaves};
 use crate::{Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy};
 use subaperture_model::monitor::Monitor;
 
@@ -134,6 +143,9 @@ impl Algorithm for RangeDopplerBackprojection {
                 Ok(decision.map_choices(Choices::Thesis))
             }
             Mode::Precise => {
+                if let Some(decision) = self.nested(spec, goal)? {
+                    return Ok(decision);
+                }
                 let request = Request {
                     error_db: self.error_db,
                     sub_cpi: self.sub_cpi,
@@ -174,6 +186,7 @@ impl Algorithm for RangeDopplerBackprojection {
         choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(match choices {
+            Choices::Nested(choices) => factorised::open(options::NAME, spec, choices)?,
             Choices::Precise(choices) => choices.open(spec)?,
             Choices::Thesis(choices) => Box::new(thesis::Opened::new(spec, choices)?),
         })
@@ -184,11 +197,28 @@ impl Algorithm for RangeDopplerBackprojection {
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Choices {
+    Nested(factorised::Choices),
     Precise(precise::Choices),
     Thesis(thesis::Choices),
 }
 
 impl RangeDopplerBackprojection {
+    /// Maps of nested patches, where sizes are left to the plan, the antennas rest during a pulse and maps suit the grid.
+    pub(super) fn nested(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+    ) -> Result<Option<Decision<Choices>>, FormError> {
+        if self.sub_cpi.is_some() || self.patch_m.is_some() || spec.collection.sweeps() {
+            return Ok(None);
+        }
+        let decision = factorised::decide(self.error_db, Leaves::Maps, spec, goal)?;
+        Ok(decision.map(|mut decision| {
+            decision.settings["mode"] = "precise".into();
+            decision.map_choices(Choices::Nested)
+        }))
+    }
+
     /// Remedies for an excessive error: leave the sizes to the plan, or use another former.
     fn remedies(&self) -> &'static [Remedy] {
         const BP: Remedy = Remedy::OtherFormer(&["bp"]);

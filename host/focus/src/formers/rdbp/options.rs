@@ -16,7 +16,7 @@ pub(super) const ALL: [FormerOption; 5] = [
         takes: OptionType::Word(&[
             OptionWord {
                 name: PRECISE,
-                summary: "Patches compensated to their own centres, exact Keystone, Kaiser-Bessel kernel",
+                summary: "Patches compensated to their own centres, nested if no size is given; Keystone within the Doppler transform",
                 setting: r#""precise""#,
             },
             OptionWord {

@@ -24,7 +24,15 @@ pub(super) struct Node {
     pub(super) at: [usize; 2],
 }
 
+/// Levels above the leaves that one thread processes alone.
+pub(super) const TASK_LEVEL: usize = 2;
+
 impl Tree {
+    /// Level of the patches that threads process alone, with maps of patches of `map_level` and below.
+    pub(super) fn task_level(&self, map_level: Option<usize>) -> usize {
+        self.levels.min(map_level.unwrap_or(0).max(TASK_LEVEL))
+    }
+
     /// Rows and columns of the patches of a level.
     pub(super) fn size(&self, level: usize) -> [usize; 2] {
         self.leaf.map(|side| side << level)

@@ -11,18 +11,20 @@
 //!
 //! **Times** are single-core times by the timing model.
 
-use super::descent::task_level;
 use super::history::Axes;
 use super::leaf::{LEAVES, SUMMED_PULSES, points_layout, tile_layout};
-use super::patch_view::Patch;
+use super::maps::{MAPS, MapKernels, MapPatch, MapScratch, MapSize};
+use super::patch_view::{Patch, path_m};
 use super::refine::{HISTORIES, Refiner};
 use super::shares::DEGREE;
 use super::thinned::Stretch;
 use super::tree::Tree;
-use crate::ImageSpec;
 use crate::cost::{Copies, Cost, StageCost, transform};
 use crate::path_tile::raster;
+use crate::{ImageSpec, TimeModel};
 use subaperture_kernels::lanes::GROUP;
+use subaperture_kernels::patch_map::{DOPPLER_TAPS, TAPS};
+use subaperture_kernels::rank_two::POINTS;
 use subaperture_kernels::tile::Pieces;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::range_profile::RangeProfiler;
@@ -52,22 +54,39 @@ pub(super) struct DecimationChain<'a> {
     last: Axes,
     /// Whether the leaf has its own history.
     own: bool,
+    /// Lowest level of the descent, and the maps of its patch.
+    maps: Option<(usize, Vec<MapSize>)>,
 }
 
 impl<'a> DecimationChain<'a> {
+    /// Descent to the middle of the grid, to maps of patches of the given level if there are `maps`.
     pub(super) fn new(
         spec: &'a ImageSpec<'a>,
         refiner: &'a Refiner<'a>,
         stretch: &'a Stretch,
         tree: &'a Tree,
+        maps: Option<(usize, &MapKernels)>,
+    ) -> Self {
+        let middle = [spec.grid.rows.count / 2, spec.grid.columns.count / 2];
+        Self::at(spec, refiner, stretch, tree, maps, middle)
+    }
+
+    /// Descent to the leaf, or to the patch with maps, that contains `pixel`.
+    pub(super) fn at(
+        spec: &'a ImageSpec<'a>,
+        refiner: &'a Refiner<'a>,
+        stretch: &'a Stretch,
+        tree: &'a Tree,
+        maps: Option<(usize, &MapKernels)>,
+        pixel: [usize; 2],
     ) -> Self {
         let taps = refiner.taps().len();
-        let middle = [spec.grid.rows.count / 2, spec.grid.columns.count / 2];
         let mut axes = refiner.recorded();
         let mut steps = Vec::new();
         let mut own = false;
-        for level in (0..=tree.levels).rev() {
-            let node = tree.around(level, middle);
+        let lowest = maps.map_or(0, |(level, _)| level);
+        for level in (lowest..=tree.levels).rev() {
+            let node = tree.around(level, pixel);
             let Some(rectangle) = tree.rectangle(spec.grid, node) else {
                 continue;
             };
@@ -93,6 +112,20 @@ impl<'a> DecimationChain<'a> {
                 }
             }
         }
+        let maps = maps.and_then(|(level, kernels)| {
+            let rectangle = tree.rectangle(spec.grid, tree.around(level, pixel))?;
+            let thinned = &stretch.thinned[axes.thinning];
+            let centre = rectangle.centre_m(spec.grid);
+            let each = thinned.antennas.iter();
+            let patch = MapPatch {
+                grid: spec.grid,
+                rectangle,
+                axes: &axes,
+                thinned,
+                data_m: &each.map(|own| path_m(own, centre)).collect::<Vec<f64>>(),
+            };
+            Some((level, MapScratch::default().sizes(&patch, kernels)?))
+        });
         Self {
             spec,
             refiner,
@@ -101,7 +134,13 @@ impl<'a> DecimationChain<'a> {
             steps,
             last: axes,
             own,
+            maps,
         }
+    }
+
+    /// Whether the patch is imaged by maps.
+    pub(super) fn has_maps(&self) -> bool {
+        self.maps.is_some()
     }
 
     /// Memory of all histories held at once along the descent, bytes, for the first patch with the largest demand.
@@ -211,6 +250,11 @@ impl<'a> DecimationChain<'a> {
 
     fn leaves_ns(&self) -> f64 {
         let model = self.spec.numerics.model;
+        if let Some((level, maps)) = &self.maps {
+            let samples = self.last.num_samples as f64;
+            let maps = maps.iter().map(|map| map.time_ns(model, samples));
+            return self.patches(*level) * maps.sum::<f64>();
+        }
         let [length, pieces, groups, pixels] = self.leaf();
         let imaged_ns = match self.spec.grid.relief {
             None => model.leaf_group_ns * groups,
@@ -229,6 +273,12 @@ impl<'a> DecimationChain<'a> {
         let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
             before * TURN + taps * (over_pulses + over_samples)
         });
+        if let Some((level, maps)) = &self.maps {
+            let maps = maps
+                .iter()
+                .map(|map| map.operations(self.last.num_samples as f64));
+            return [steps, self.patches(*level) * maps.sum::<f64>()];
+        }
         let [length, pieces, _, pixels] = self.leaf();
         let pulse = transform(length) + PIECE * pieces + PIXEL_AND_PULSE * pixels;
         [steps, self.patches(0) * self.pulses(&self.last) * pulse]
@@ -236,7 +286,9 @@ impl<'a> DecimationChain<'a> {
 
     /// Memory of a thread that processes a patch of this level alone, bytes.
     pub(super) fn thread_bytes(&self, level: usize) -> u64 {
-        2 * self.bytes_at(level) + self.leaf_bytes()
+        let maps = self.maps.iter().flat_map(|(_, maps)| maps);
+        let maps = maps.map(MapSize::bytes).max().unwrap_or(0);
+        2 * self.bytes_at(level) + self.leaf_bytes() + maps
     }
 
     /// Size of the history of a patch of this level, bytes.
@@ -253,6 +305,52 @@ impl<'a> DecimationChain<'a> {
     }
 }
 
+impl MapSize {
+    /// Single-core time of the map of a sub-aperture and its interpolation, ns.
+    fn time_ns(&self, model: &TimeModel, samples: f64) -> f64 {
+        let [pulses, columns, bins] = [self.pulses, self.columns, self.bins].map(|n| n as f64);
+        let [stations, lines] = [self.stations, self.lines].map(|n| n as f64);
+        let transform = |length: usize| length as f64 * libm::log2(length as f64);
+        let transforms = columns * transform(self.over_rows) + bins * transform(self.over_columns);
+        let taps = self.flat_taps as f64;
+        model.map_fit_ns * pulses
+            + (model.map_sample_ns + model.map_sample_tap_ns * taps) * pulses * columns.max(samples)
+            + model.column_transform_ns * transforms
+            + model.map_line_bin_ns * bins * lines
+            + model.map_station_ns * stations * lines
+    }
+
+    /// Operations: a sample, its gridding and resampling, a Doppler bin at a line, a pixel.
+    fn operations(&self, samples: f64) -> f64 {
+        let [pulses, columns, bins] = [self.pulses, self.columns, self.bins].map(|n| n as f64);
+        let pixels = (self.stations * self.lines) as f64;
+        let [over_rows, over_columns] =
+            [self.over_rows, self.over_columns].map(|n| transform(n as f64));
+        let taps = self.flat_taps as f64;
+        pulses * samples * 6.0 * taps
+            + pulses * columns * (24.0 + 4.0 * TAPS as f64)
+            + columns * over_rows
+            + bins * over_columns
+            + bins * self.lines as f64 * (32.0 + 4.0 * TAPS as f64)
+            + pixels * (100.0 + 4.0 * DOPPLER_TAPS as f64)
+    }
+
+    /// Buffers of the map, bytes.
+    fn bytes(&self) -> u64 {
+        let stride = |count: usize| count + 2 * GROUP;
+        let values = self.rows * stride(self.columns)
+            + self.columns * stride(self.bins)
+            + self.bins * stride(self.lines)
+            + self.stations * (stride(self.lines) + self.lines);
+        let rows = 2 * GROUP * self.over_rows.max(self.over_columns);
+        let models = self.pulses * 8 * (POINTS + 20);
+        (8 * (values + rows) + models) as u64 + TABLES_BYTES
+    }
+}
+
+/// Tables of kernels and transforms of a thread, bytes.
+const TABLES_BYTES: u64 = 1 << 20;
+
 /// Largest number of first patches evaluated; of more patches every n-th is evaluated.
 const MAX_FIRSTS: usize = 16_384;
 
@@ -262,9 +360,10 @@ pub(super) fn descents<'a>(
     refiner: &'a Refiner<'a>,
     stretches: &'a [Stretch],
     tree: &'a Tree,
+    maps: Option<(usize, &MapKernels)>,
 ) -> Vec<DecimationChain<'a>> {
     let each = stretches.iter();
-    each.map(|stretch| DecimationChain::new(spec, refiner, stretch, tree))
+    each.map(|stretch| DecimationChain::new(spec, refiner, stretch, tree, maps))
         .collect()
 }
 
@@ -281,7 +380,10 @@ pub(super) fn demand(descents: &[DecimationChain]) -> Demand {
     let most = |of: fn(&DecimationChain) -> u64| descents.iter().map(of).max().unwrap_or(0);
     Demand {
         held_bytes: most(|descent| descent.held_bytes()),
-        thread_bytes: most(|descent| descent.thread_bytes(task_level(descent.tree))),
+        thread_bytes: most(|descent| {
+            let map_level = descent.maps.as_ref().map(|(level, _)| *level);
+            descent.thread_bytes(descent.tree.task_level(map_level))
+        }),
     }
 }
 
@@ -300,7 +402,11 @@ pub(super) fn cost(descents: &[DecimationChain], refiner: &Refiner) -> Cost {
     }
     let demand = demand(descents);
     let pulses = demand.held_bytes + refiner.read_bytes(1);
-    let stages = [HISTORIES, LEAVES]
+    let leaves = match descents.iter().any(DecimationChain::has_maps) {
+        true => MAPS,
+        false => LEAVES,
+    };
+    let stages = [HISTORIES, leaves]
         .into_iter()
         .zip(operations)
         .zip(times_ns);

@@ -2,8 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::FastFactorised;
-use crate::{BoundPolicy, ImageFormer, ImageSpec, Task};
+use crate::{BoundPolicy, ImageSpec, Task, formers};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::{PhaseHistory, Weights};
@@ -42,7 +41,8 @@ fn cost_model_matches_counted_operations() {
         ("x=-40:40:0.1,y=-40:40:0.1", -60.0),
     ] {
         let grid: ImageGrid = grid.parse().unwrap();
-        let former = FastFactorised { error_db };
+        let settings = serde_json::json!({ "error_db": error_db });
+        let former = formers::former("ffbp", &settings).unwrap();
         let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let goal = former.goal(BoundPolicy::Allowed);
         let predicted = former

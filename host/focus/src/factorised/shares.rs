@@ -1,5 +1,6 @@
 //! Division of the error bound among its causes.
 
+use super::maps::MapKernels;
 use super::thinned::pays;
 use crate::{MARGIN_DB, rounding};
 use subaperture_kernels::decimation::halved;
@@ -41,6 +42,10 @@ const ROUGH: f64 = 0.1;
 const PROFILE: f64 = 0.15;
 const TILES: f64 = 0.05;
 const ARITHMETIC: f64 = 0.05;
+
+/// Shares of a patch imaged by maps, which has no range profiles and tiles: each of the four kernels, and the path model.
+const MAP_KERNEL: f64 = 0.04;
+const MAP_MODEL: f64 = PROFILE + TILES + ARITHMETIC - 4.0 * MAP_KERNEL;
 
 /// Relative RMS error of phases and sums of one decimation in float32.
 const HALVING: f64 = 2e-6;
@@ -84,6 +89,12 @@ impl Shares {
             halvings,
             decimate: found.is_some(),
         }
+    }
+
+    /// Kernels of range-Doppler maps; `None` if every kernel has a larger error.
+    pub(super) fn map_kernels(&self) -> Option<MapKernels> {
+        let target = self.profile / PROFILE.sqrt();
+        MapKernels::of(target * MAP_KERNEL.sqrt(), target * MAP_MODEL.sqrt())
     }
 
     /// Kernel taps at the fraction 1/2.

@@ -8,7 +8,7 @@
 //!
 //! The history of each patch is computed from that of its parent patch, independent of thread and time; a pixel depends only on its own descent.
 //! Large histories are computed one at a time, depth first, by all threads together. Histories below [`Descent::breadth_bytes`] are computed
-//! in parallel per level, until [`TASK_LEVEL`] levels remain for a single thread.
+//! in parallel per level, until [`TASK_LEVEL`](super::tree::TASK_LEVEL) levels remain for a single thread.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,6 +19,7 @@ use subaperture_fft::Transforms;
 
 use super::history::{Axes, PatchHistory};
 use super::leaf::{LEAVES, Leaf};
+use super::maps::{MAPS, MapKernels, MapPatch, MapScratch};
 use super::patch_view::Patch;
 use super::refine::{Recorded, RefineScratch, Refiner};
 use super::thinned::Stretch;
@@ -28,12 +29,12 @@ use crate::patch::{Rectangle, Segment};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
 
-/// Levels above the leaves that one thread processes alone.
-const TASK_LEVEL: usize = 2;
-
-/// Level of the patches that threads process alone.
-pub(super) fn task_level(tree: &Tree) -> usize {
-    tree.levels.min(TASK_LEVEL)
+/// Kernels and largest patches of range-Doppler maps.
+#[derive(Clone, Copy)]
+pub(super) struct MapLeaves<'a> {
+    pub(super) kernels: &'a MapKernels,
+    /// Level of the largest patches with maps.
+    pub(super) level: usize,
 }
 
 /// Requested pixels of the task patches, by patch row and column.
@@ -78,6 +79,7 @@ struct Scratch {
     levels: Vec<PatchHistory>,
     refine: RefineScratch,
     leaf: Leaf,
+    maps: MapScratch,
 }
 
 /// Descent for one block of pulses.
@@ -85,6 +87,9 @@ pub(super) struct Descent<'a, 'b> {
     pub(super) monitor: &'a dyn Monitor,
     pub(super) grid: &'a ImageGrid,
     pub(super) tree: &'a Tree,
+    /// Level of the patches that threads process alone.
+    pub(super) task_level: usize,
+    pub(super) maps: Option<MapLeaves<'a>>,
     pub(super) refiner: &'a Refiner<'a>,
     pub(super) transforms: Transforms,
     pub(super) stretch: &'a Stretch,
@@ -165,7 +170,7 @@ impl Descent<'_, '_> {
 
     /// Whether any pixel of the patch is requested.
     fn wants(&self, node: Node) -> bool {
-        let above = node.level.saturating_sub(task_level(self.tree));
+        let above = node.level.saturating_sub(self.task_level);
         let [rows, columns] = node.at.map(|i| i << above..(i + 1) << above);
         rows.into_iter().any(|row| {
             let range = [row, columns.start]..[row, columns.end];
@@ -175,7 +180,7 @@ impl Descent<'_, '_> {
 
     /// Process all patches within one, given its history.
     fn down(&self, node: Node, history: Arc<Held>) {
-        let tasks = task_level(self.tree);
+        let tasks = self.task_level;
         if self.monitor.cancelled() {
             return;
         }
@@ -250,7 +255,7 @@ impl Descent<'_, '_> {
         segments: &mut [Segment],
         scratch: &mut Scratch,
     ) {
-        if self.monitor.cancelled() {
+        if self.monitor.cancelled() || self.by_maps(node, rectangle, history, segments, scratch) {
             return;
         }
         if node.level == 0 {
@@ -292,6 +297,53 @@ impl Descent<'_, '_> {
             self.task(quarter, rectangle, &own, &mut part, scratch);
             scratch.levels.push(own);
         }
+    }
+}
+
+impl Descent<'_, '_> {
+    /// Image a patch by maps; `false` if it is too large or not suited to them.
+    fn by_maps(
+        &self,
+        node: Node,
+        rectangle: Rectangle,
+        history: &PatchHistory,
+        segments: &mut [Segment],
+        scratch: &mut Scratch,
+    ) -> bool {
+        let Some(MapLeaves { kernels, level }) = self.maps else {
+            return false;
+        };
+        if node.level > level {
+            return false;
+        }
+        let patch = Patch::new(self.grid, rectangle);
+        let mut own = None;
+        if history.centre != patch.centre {
+            // The history of a larger patch, referred to this one's centre.
+            let mut centred = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
+            self.refiner.refine(
+                self.stretch,
+                history,
+                (&patch, [false; 2]),
+                &mut centred,
+                Some(&mut scratch.refine),
+                self.monitor,
+            );
+            own = Some(centred);
+        }
+        let history = own.as_ref().unwrap_or(history);
+        let of_patch = MapPatch {
+            grid: self.grid,
+            rectangle,
+            axes: &history.axes,
+            thinned: &self.stretch.thinned[history.axes.thinning],
+            data_m: &history.data_m,
+        };
+        let imaging = during(self.monitor, MAPS);
+        let imaged = scratch.maps.image(&of_patch, kernels, history, segments);
+        drop(imaging);
+        scratch.levels.extend(own);
+        imaged
     }
 }
 
