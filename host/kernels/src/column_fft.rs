@@ -82,12 +82,6 @@ impl ColumnFft {
         self.length == 0
     }
 
-    /// Size of the plan, bytes.
-    pub fn bytes(&self) -> u64 {
-        let twiddles = self.stages.iter().map(|stage| stage.twiddles.len());
-        8 * twiddles.sum::<usize>() as u64
-    }
-
     /// Transform `rows`, with `other` of the same length as scratch; the result is in the returned slice.
     #[inline(always)]
     pub(crate) fn run<'a, L: Lanes>(

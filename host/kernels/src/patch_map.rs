@@ -8,10 +8,10 @@
 //!      = exp(j 2 pi f_c a / c) sum_n sum_k z[n][k] exp(j 2 pi (X a' + Y b) / c)
 //! ```
 //!
-//! with `X = f_k alpha_n - f_c`, `Y = f_k beta_n + s X` and `a' = a - s b`: the polar format of the samples, which a uniform Keystone
-//! axis is a special case of (Schone 2020, (3.8): `alpha = 1`, `beta` the pulse number). Samples are resampled onto columns `X = l dX` by a
-//! finite interpolation kernel ([`FlatKernel`]), then gridded onto rows `Y = m dY` (Kaiser-Bessel). Two Fourier transforms make
-//! the map over Doppler `b` and range `a'`, and two one-dimensional interpolations read it: in range along the curve `a'(b)` of every
+//! with `X = f_k alpha_n - f_c`, `Y = f_k beta_n + s X` and `a' = a - s b`: the polar format of the samples. The Keystone axis (Schone 2020, (3.9)) is
+//! the special case of `alpha = 1` and `beta` equal to the pulse number. Samples are resampled onto columns `X = l dX` by a
+//! kernel without roll-off ([`FlatKernel`]), then gridded onto rows `Y = m dY` (Kaiser-Bessel). Two Fourier transforms make
+//! the map over Doppler `b` and range `a'`. Two one-dimensional interpolations read it: in range along the curve `a'(b)` of every
 //! line of pixels, then in Doppler at every pixel.
 //!
 //! ```text
@@ -20,7 +20,7 @@
 //! ```
 //!
 //! **Accuracy** positions and carrier phases are float64, sums float32; the kernels' weights have errors of 1e-6. The result is bit-identical in all
-//! instruction sets. **Cost** `W + 7` complex multiply-adds per sample, two transforms, 6 per Doppler bin and line, 6 per pixel.
+//! instruction sets. **Cost** `W + 7` complex multiply-adds per sample, two transforms, 7 per Doppler bin and line, 13 per pixel.
 
 use num_complex::Complex32;
 use subaperture_signal::flat_kernel::{FlatKernel, STEPS};
@@ -142,14 +142,6 @@ const fn stride(count: usize) -> usize {
 const MARGIN: usize = GROUP;
 
 impl PatchMapScratch {
-    /// Size of the buffers, bytes.
-    pub fn bytes(shape: &Shape, lines: usize) -> u64 {
-        let [raster, spectra, read] = Self::lengths(shape, lines);
-        let rows = shape.over_rows.len().max(shape.over_columns.len());
-        let line = 2 * (2 * MARGIN + 2 * shape.samples.half()) + 2 * shape.columns;
-        4 * (raster + spectra + read + line) as u64 + 2 * size_of::<Row>() as u64 * rows as u64
-    }
-
     fn lengths(shape: &Shape, lines: usize) -> [usize; 3] {
         [
             2 * shape.rows * stride(shape.columns),

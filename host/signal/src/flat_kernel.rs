@@ -102,11 +102,6 @@ impl FlatKernel {
         self.error
     }
 
-    /// Size of the table, bytes.
-    pub fn bytes(taps: usize) -> u64 {
-        8 * ((STEPS + 1) * taps) as u64
-    }
-
     /// Weight and slope of each tap at the fraction `step` / [`STEPS`].
     #[inline(always)]
     pub fn row(&self, step: usize) -> &[[f32; 2]] {
