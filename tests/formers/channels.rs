@@ -103,7 +103,7 @@ fn in_turn(channels: &Channels) -> InMemory {
 }
 
 /// Patches of one level, whose plan states the length of a sub-CPI.
-fn one_level() -> RangeDopplerBackprojection {
+fn single_level() -> RangeDopplerBackprojection {
     RangeDopplerBackprojection::default().patch_m(8.0)
 }
 
@@ -115,7 +115,7 @@ fn formers_keep_bound_on_sum_of_channels() {
         let channels = experiment.channels(1 << 26).unwrap();
         assert_eq!(channels.len(), 2 * transmitters);
         let expected = sum_over_all(&channels, &grid);
-        let one = form(&one_level(), channels.channel(0), &grid, Window::None).unwrap();
+        let one = form(&single_level(), channels.channel(0), &grid, Window::None).unwrap();
         let interleaved = in_turn(&channels);
         let sum = channels.coherent_sum().unwrap();
         let omega_k = OmegaK::default();
@@ -159,7 +159,7 @@ fn formers_keep_bound_on_sum_of_channels() {
         }
         // Sub-CPIs have the length of one channel's; interleaved channels would give each sub-CPI that many fewer pulse times.
         let pulses = |formed: &Formed| formed.settings["sub_cpi_pulses"].as_u64().unwrap();
-        let rdbp = one_level();
+        let rdbp = single_level();
         let together = form(&rdbp, &sum, &grid, Window::None).unwrap();
         let mixed = form(&rdbp, &interleaved, &grid, Window::None);
         println!(

@@ -165,12 +165,12 @@ fn plan_by_absurd_timing_model_keeps_bound() {
             ],
         ),
     ];
-    let one_level = serde_json::json!({ "patch_m": 10.0 });
+    let single_level = serde_json::json!({ "patch_m": 10.0 });
     // On so few pixels, nested patches with maps have one fastest size by any model.
     for (name, settings, changes) in [
         ("bp", &defaults, true),
         ("ffbp", &defaults, true),
-        ("rdbp", &one_level, true),
+        ("rdbp", &single_level, true),
         ("rdbp", &defaults, false),
     ] {
         let default = plan(name, settings, &history, &TimeModel::DEFAULT);

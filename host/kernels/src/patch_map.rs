@@ -37,7 +37,6 @@ pub const TAPS: usize = 6;
 
 /// Taps of the interpolation in Doppler.
 pub const DOPPLER_TAPS: usize = 12;
-const MAX_TAPS: usize = DOPPLER_TAPS;
 
 /// Coefficients of a polynomial along a line or over Doppler.
 pub const TERMS: usize = 5;
@@ -362,16 +361,10 @@ struct Window<L: Lanes, const W: usize> {
     /// First element of the lowest lane.
     first: isize,
     /// Weights of each lane from its own first element on, between zeros: element `i` at `i + 1`.
-    own: [L::Numbers; MAX_TAPS + 2],
+    own: [L::Numbers; DOPPLER_TAPS + 2],
     /// Offset of each lane's first element from the lowest lane's, and the largest of them.
     above: L::Numbers,
     span: usize,
-}
-
-/// Whole element at or below a position.
-#[inline(always)]
-fn whole(offset: f32) -> f32 {
-    ((offset - 0.5) + ROUND) - ROUND
 }
 
 impl<L: Lanes, const W: usize> Window<L, W> {
@@ -383,24 +376,11 @@ impl<L: Lanes, const W: usize> Window<L, W> {
         base: f64,
         offsets: L::Numbers,
     ) -> Self {
-        let ends = lanes.ends(offsets);
-        Self::between(lanes, polynomials, base, offsets, ends)
-    }
-
-    /// The same with the smallest and largest offset.
-    #[inline(always)]
-    fn between(
-        lanes: L,
-        polynomials: &[[[f32; KERNEL_TERMS]; 2]],
-        base: f64,
-        offsets: L::Numbers,
-        [least, most]: [f32; 2],
-    ) -> Self {
-        let (least, most) = (whole(least), whole(most));
         let round = lanes.splat(ROUND);
         let below_half = lanes.sub(offsets, lanes.splat(0.5));
         let whole = lanes.sub(lanes.add(below_half, round), round);
-        let mut own = [lanes.splat(0.0); MAX_TAPS + 2];
+        let [least, most] = lanes.ends(whole);
+        let mut own = [lanes.splat(0.0); DOPPLER_TAPS + 2];
         let weights: [_; W] = weights(lanes, polynomials, lanes.sub(below_half, whole));
         own[1..=W].copy_from_slice(&weights);
         Self {
@@ -528,6 +508,20 @@ fn grid<L: Lanes>(
     }
 }
 
+/// Rows of a transform from a block of columns of planes `[row][real, imaginary][plane]`, the first of them row `first` modulo the length;
+/// other rows are zero.
+#[inline(always)]
+fn gather(rows: &mut [Row], first: isize, (planes, plane): (&[f32], usize), block: usize) {
+    rows.fill(ZEROS);
+    let length = rows.len() as isize;
+    let own = block * GROUP..(block + 1) * GROUP;
+    for (place, from) in (first..).zip(planes.chunks_exact(2 * plane)) {
+        let to = &mut rows[place.rem_euclid(length) as usize];
+        to[..GROUP].copy_from_slice(&from[own.clone()]);
+        to[GROUP..].copy_from_slice(&from[plane..][own.clone()]);
+    }
+}
+
 /// Transform a block of columns over the rows, and write the Doppler bins of each column.
 #[inline(always)]
 fn over_rows<L: Lanes>(
@@ -541,13 +535,7 @@ fn over_rows<L: Lanes>(
     let fft = shape.over_rows;
     let (length, plane) = (fft.len(), stride(shape.columns));
     let (rows, other) = (&mut first[..length], &mut second[..length]);
-    rows.fill(ZEROS);
-    for (m, from) in (shape.first_row..).zip(raster.chunks_exact(2 * plane)) {
-        let to = &mut rows[m.rem_euclid(length as isize) as usize];
-        let own = block * GROUP..(block + 1) * GROUP;
-        to[..GROUP].copy_from_slice(&from[own.clone()]);
-        to[GROUP..].copy_from_slice(&from[plane..][own]);
-    }
+    gather(rows, shape.first_row, (raster, plane), block);
     let rows = fft.run(lanes, rows, other);
     let plane = stride(shape.bins);
     let first_bin = shape.first_bin;
@@ -584,13 +572,7 @@ fn over_columns<L: Lanes>(
     let fft = shape.over_columns;
     let (length, plane) = (fft.len(), stride(shape.bins));
     let (rows, other) = (&mut first[..length], &mut second[..length]);
-    rows.fill(ZEROS);
-    for (l, from) in (shape.first_column..).zip(spectra.chunks_exact(2 * plane)) {
-        let to = &mut rows[l.rem_euclid(length as isize) as usize];
-        let own = block * GROUP..(block + 1) * GROUP;
-        to[..GROUP].copy_from_slice(&from[own.clone()]);
-        to[GROUP..].copy_from_slice(&from[plane..][own]);
-    }
+    gather(rows, shape.first_column, (spectra, plane), block);
     let rows = fft.run(lanes, rows, other);
     let first_bin = (shape.first_bin + (block * GROUP) as isize) as f32;
     let plane = stride(reading.lines.len());

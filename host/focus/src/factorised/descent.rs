@@ -285,22 +285,31 @@ impl Descent<'_, '_> {
                 self.task(quarter, rectangle, history, &mut part, scratch);
                 continue;
             }
-            let mut own = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
-            self.refiner.refine(
-                self.stretch,
-                history,
-                (&patch, halves),
-                &mut own,
-                Some(&mut scratch.refine),
-                self.monitor,
-            );
+            let own = self.refined(history, (&patch, halves), scratch);
             self.task(quarter, rectangle, &own, &mut part, scratch);
             scratch.levels.push(own);
         }
     }
-}
 
-impl Descent<'_, '_> {
+    /// History of a patch from that of a larger one, in free buffers of this thread, to which the caller returns it.
+    fn refined(
+        &self,
+        history: &PatchHistory,
+        (patch, halves): (&Patch, [bool; 2]),
+        scratch: &mut Scratch,
+    ) -> PatchHistory {
+        let mut own = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
+        self.refiner.refine(
+            self.stretch,
+            history,
+            (patch, halves),
+            &mut own,
+            Some(&mut scratch.refine),
+            self.monitor,
+        );
+        own
+    }
+
     /// Image a patch by maps; `false` if it is too large or not suited to them.
     fn by_maps(
         &self,
@@ -317,20 +326,9 @@ impl Descent<'_, '_> {
             return false;
         }
         let patch = Patch::new(self.grid, rectangle);
-        let mut own = None;
-        if history.centre != patch.centre {
-            // The history of a larger patch, referred to this one's centre.
-            let mut centred = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
-            self.refiner.refine(
-                self.stretch,
-                history,
-                (&patch, [false; 2]),
-                &mut centred,
-                Some(&mut scratch.refine),
-                self.monitor,
-            );
-            own = Some(centred);
-        }
+        // The history of a larger patch is referred to this one's centre.
+        let own = (history.centre != patch.centre)
+            .then(|| self.refined(history, (&patch, [false; 2]), scratch));
         let history = own.as_ref().unwrap_or(history);
         let of_patch = MapPatch {
             grid: self.grid,

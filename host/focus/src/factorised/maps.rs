@@ -88,8 +88,9 @@ const MAX_OVERSAMPLING: f64 = 3.0;
 /// Kernels for an error bound.
 #[derive(Debug)]
 pub(super) struct MapKernels {
-    gridding: (KaiserBessel, f64),
-    range: (KaiserBessel, f64),
+    /// Kernel of gridding in slow time and of interpolation in range, and its oversampling.
+    kaiser_bessel: (KaiserBessel, f64),
+    /// Kernel of interpolation in Doppler, and its oversampling.
     doppler: (FlatKernel, f64),
     /// Largest error of a kernel, and of the model.
     kernel_error: f64,
@@ -116,8 +117,7 @@ impl MapKernels {
             .find(|&ratio| FlatKernel::error_of(DOPPLER_TAPS, ratio) <= EDGE * kernel_error)
             .map(|ratio| (FlatKernel::new(DOPPLER_TAPS, ratio), ratio))?;
         Some(Self {
-            gridding: kaiser_bessel.clone(),
-            range: kaiser_bessel,
+            kaiser_bessel,
             doppler,
             kernel_error,
             model_error,
@@ -585,12 +585,12 @@ impl PartMap {
         // Doppler bins, and rows whose gridding covers all of them.
         let mut bin_m = c / (2.0 * doppler * (extent_hz + bend_hz));
         let reach_m = MARGIN * widest_b + MARGIN_BINS * bin_m;
-        let row_hz = c / (2.0 * kernels.gridding.1 * reach_m);
+        let row_hz = c / (2.0 * kernels.kaiser_bessel.1 * reach_m);
         // Columns without samples have rows, too.
         let ends = [first_column, first_column + columns].map(furthest_hz);
         let furthest = (ends[0].max(ends[1]) / row_hz).ceil() + (TAPS / 2 + 1) as f64;
         let over_rows = c / (row_hz * bin_m);
-        let over_columns = 2.0 * kernels.range.1 * left.abs().max(right.abs());
+        let over_columns = 2.0 * kernels.kaiser_bessel.1 * left.abs().max(right.abs());
         let sizes = [columns, 2.0 * furthest, over_rows, over_columns];
         // Also for not-a-number.
         let within = within && DRIFT_ERROR * drift * drift <= kernels.kernel_error;
@@ -701,8 +701,8 @@ impl PartMap {
             over_rows,
             over_columns,
             flat: &self.flat,
-            gridding: &kernels.gridding.0,
-            range: &kernels.range.0,
+            gridding: &kernels.kaiser_bessel.0,
+            range: &kernels.kaiser_bessel.0,
             doppler: &kernels.doppler.0,
         }
     }
