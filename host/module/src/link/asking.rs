@@ -120,8 +120,12 @@ impl Session<'_> {
 
     /// Whether the answer to a request sent at `asked` may still arrive in time.
     pub(super) fn waits(&self, asked: Instant) -> bool {
+        self.waits_for(asked, self.ledger.settings.answer)
+    }
+
+    /// Whether the answer to a request sent at `asked` may still arrive in time, if it takes the module at most `answer`.
+    pub(super) fn waits_for(&self, asked: Instant, answer: Duration) -> bool {
         let outbox = &self.connection.line.outbox;
-        let answer = self.ledger.settings.answer;
         outbox.backlog() > 0 || outbox.clear_at().max(asked).elapsed() < answer
     }
 

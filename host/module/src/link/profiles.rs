@@ -3,7 +3,8 @@
 //! [`Session::profiles`] sends the settings of a [`ProfileRun`] and then one sweep after another, each burst in as many messages
 //! as it takes. It waits for the profile of a sweep before it sends the next; the module runs `core::sweep`. Samples never taken
 //! are not sent and count as missing by the same rule as on the host. Losses on the line are detected, since a profile states
-//! the number of its samples: the sweep is sent again. A profile that is not received completely is requested again.
+//! the number of its samples: the sweep is sent again. A profile that is not received completely is requested again, at growing
+//! intervals. The module reports its status after each [`REPORTED`] samples, so that a slow line is distinguished from a stuck module.
 //!
 //! **Output**: [`Profile`]s in the order of sweeps as they arrive; see [`subaperture_core::sweep`] for their
 //! definition and what they neglect. **Memory**: a burst and a profile. **Errors**: [`LinkError`]; earlier profiles
@@ -29,6 +30,9 @@ use super::session::{Session, SessionObserver};
 /// Weights, and sample pairs, per message: few, since short frames are less likely to be hit by line noise.
 const WEIGHTS: usize = 32;
 const SAMPLES: usize = 64;
+
+/// Sample pairs between two reports of the module's status.
+const REPORTED: u32 = 2048;
 
 /// Number of times a sweep is sent before its profile is accepted with missing samples, which are then reported.
 const MAX_SENT: u32 = 3;
@@ -195,7 +199,7 @@ impl Session<'_> {
     ) -> Result<u32, LinkError> {
         let mut burst = SweepBurst::default();
         let mut bytes = [0; 8 * SAMPLES];
-        let mut all = 0;
+        let (mut all, mut reported) = (0, 0);
         for index in 0.. {
             if !task.source.burst(sweep, index, &mut burst)? {
                 break;
@@ -232,6 +236,10 @@ impl Session<'_> {
                     all += part.len() as u32;
                 }
             }
+            if all - reported >= REPORTED {
+                self.connection.line.outbox.send(&Command::Status);
+                reported = all;
+            }
             self.ledger.counts.pulses_sent += 1;
             // Paced by the line: at most one burst waits here, and the module sends no answers.
             let mut wait = Duration::ZERO;
@@ -254,15 +262,16 @@ impl Session<'_> {
         assembly: &mut ProfileAssembly<'_>,
         watch: &mut dyn SessionObserver,
     ) -> Result<(Profile, u32), LinkError> {
-        let (idle, run) = (self.ledger.settings.idle, self.ledger.run);
-        let begun = Instant::now();
+        let (settings, run) = (self.ledger.settings, self.ledger.run);
+        let mut answer = settings.answer;
+        let (mut accepted, mut progress_at) = (0, Instant::now());
         for tries in 1u32.. {
             if tries > 1 {
                 self.connection.line.outbox.send(&Command::Status);
             }
             self.connection.line.outbox.send(&Command::Sweep { sweep });
             let mut asked = Instant::now();
-            while self.waits(asked) {
+            while self.waits_for(asked, answer) {
                 let news = self.hear(Some(assembly), watch)?;
                 let is_asked =
                     |own: &ProfileHeader| own.sweep == sweep && [0, bins].contains(&own.bins);
@@ -288,14 +297,21 @@ impl Session<'_> {
                     None => {}
                 }
                 let is_ours = |status: &Status| status.run == run && status.state == State::Running;
-                if news.status.is_some_and(|status| !is_ours(&status)) {
-                    return Err(LinkError::BeganAnewAtSweep(sweep));
+                if let Some(status) = news.status {
+                    if !is_ours(&status) {
+                        return Err(LinkError::BeganAnewAtSweep(sweep));
+                    }
+                    if status.pulses.accepted > accepted {
+                        (accepted, progress_at) = (status.pulses.accepted, Instant::now());
+                    }
                 }
             }
-            if tries >= MIN_TRIES && begun.elapsed() > idle {
+            if tries >= MIN_TRIES && progress_at.elapsed() > settings.idle {
                 break;
             }
+            // Requests wait behind the samples on a slow line.
+            answer = (2 * answer).min(settings.idle);
         }
-        Err(LinkError::Stuck(idle))
+        Err(LinkError::Stuck(settings.idle))
     }
 }
