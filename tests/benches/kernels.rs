@@ -17,6 +17,7 @@ use subaperture_kernels::decimation::{
     Decimation, DecimationScratch, Layout, PhaseRamp, Rows, halved,
 };
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
+use subaperture_kernels::folded_sums;
 use subaperture_kernels::gridding::{Band, Line};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
@@ -296,15 +297,15 @@ fn decimation(
         .bench_local(|| decimation.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch));
 }
 
-/// A pulse at 64 delays by narrow-band sums; an item is a sample for all delays.
+/// A pulse at 64 delays in float32; an item is a sample for all delays.
 #[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
-fn narrow_sums_of_64(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
+fn folded_sums_of_64(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     let row = vec![Complex32::ONE; SAMPLES];
     let weights = vec![1.0; SAMPLES];
-    let steps = [Complex64::ONE; horner::NARROW_TOGETHER];
+    let turns = [0.25; folded_sums::TOGETHER];
     bencher
         .counter(ItemsCount::new(SAMPLES))
-        .bench_local(|| horner::narrow_sums(instructions, &row, &weights, &steps));
+        .bench_local(|| folded_sums::folded_sums(instructions, &row, &weights, &turns));
 }
 
 /// A pulse at 16 delays in float64; an item is a sample for all delays.

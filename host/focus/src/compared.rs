@@ -5,7 +5,7 @@ use num_complex::{Complex32, Complex64};
 use super::sampled::TileRecord;
 use super::second_look::{Estimate, square_error};
 use super::{ImageSpec, RecordedEnergy, rounding, stray};
-use subaperture_kernels::horner;
+use subaperture_kernels::folded_sums;
 
 /// Factors `C` of the formula in [`super::accuracy`] where only evenly spread pixels are compared: error as planned, error larger than planned,
 /// and error possibly concentrated in few pixels.
@@ -184,7 +184,7 @@ pub(super) fn measure(
     // The phases of the reference sum are rounded as well. Terms round independently, so the effect is small relative to their summed power,
     // not relative to the remainder after cancellation.
     let narrow = match records.iter().any(|record| record.narrow) {
-        true => horner::NARROW_RMS,
+        true => folded_sums::RMS,
         false => 0.0,
     };
     let stray = match knows_all {

@@ -14,9 +14,10 @@ use super::probes::spread;
 use super::stages::{READING, SAMPLES, during};
 use super::stray::{self, Buffers, Profiles, RecordedEnergy};
 use super::{ImageSpec, Tile};
+use subaperture_kernels::folded_sums::{self, folded_sums};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::phasor::phasors;
-use subaperture_kernels::{horner, power};
+use subaperture_kernels::power;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
@@ -229,7 +230,7 @@ impl<'a> Probes<'a> {
             }
             return;
         }
-        const TOGETHER: usize = horner::NARROW_TOGETHER;
+        const TOGETHER: usize = folded_sums::TOGETHER;
         let instructions = Instructions::best();
         let lanes = sums.chunks_mut(TOGETHER);
         for (sums, points) in lanes.zip(points.chunks(TOGETHER)) {
@@ -239,10 +240,9 @@ impl<'a> Probes<'a> {
                 let delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
                 (*step, *start) = (pulse.step_hz * delay_s, pulse.start_hz * delay_s);
             }
-            let [mut steps, mut starts] = [[Complex64::ZERO; TOGETHER]; 2];
-            phasors(instructions, &step_turns, &mut steps);
+            let mut starts = [Complex64::ZERO; TOGETHER];
             phasors(instructions, &start_turns, &mut starts);
-            let over_frequency = horner::narrow_sums(instructions, row, fast, &steps);
+            let over_frequency = folded_sums(instructions, row, fast, &step_turns);
             for ((sum, value), start) in sums.iter_mut().zip(over_frequency).zip(starts) {
                 *sum += value * start * weight;
             }

@@ -7,7 +7,8 @@
 //! - [`tile`]: backprojection of pulses onto a tile of pixels, or onto arbitrary points.
 //! - [`range_migration_blur`]: backprojection of a pulse smeared by intra-pulse motion.
 //! - [`lanes`]: SIMD lanes and instruction sets.
-//! - [`horner`]: sum of a pulse's samples at many delays.
+//! - [`horner`]: sum of a pulse's samples at many delays, in float64.
+//! - [`folded_sums`]: sum of a pulse's samples at many delays, in float32.
 //! - [`phasor`]: phasors of many phases.
 //! - [`power`]: power of a pulse, and statistics of powers.
 //! - [`compensation`]: compensation of a pulse to another reference path.
@@ -36,6 +37,7 @@ pub mod column_fft;
 pub mod compensation;
 pub mod decimation;
 pub mod doppler;
+pub mod folded_sums;
 pub mod gridding;
 pub mod horner;
 #[allow(unsafe_code)]

@@ -98,26 +98,44 @@ impl Level {
     }
 }
 
-/// Partial sums, which the compiler keeps in vectors.
-const PARTS: usize = 8;
+/// Partial sums: so many that the compiler makes vectors of their loops.
+const PARTS: usize = 64;
 
 struct OfLevel<'a> {
     powers: &'a [f64],
     threshold: f64,
 }
 
-impl OfLevel<'_> {
+/// Partial statistics.
+struct Partial {
+    all: [f64; PARTS],
+    weak: [f64; PARTS],
+    count: [f64; PARTS],
+    peak: [f64; PARTS],
+}
+
+impl Partial {
+    /// One loop per statistic: the compiler vectorises each.
     #[inline(always)]
-    fn add(&self, sums: &mut [[f64; PARTS]; 4], powers: &[f64]) {
-        for (i, &power) in powers.iter().enumerate() {
-            let is_weak = power <= self.threshold;
-            sums[0][i] += power;
-            sums[1][i] += if is_weak { power } else { 0.0 };
-            sums[2][i] += if is_weak { 1.0 } else { 0.0 };
-            sums[3][i] = if power > sums[3][i] {
-                power
+    fn add(&mut self, powers: &[f64; PARTS], threshold: f64) {
+        let mut is_weak = [0.0; PARTS];
+        for i in 0..PARTS {
+            is_weak[i] = if powers[i] <= threshold { 1.0 } else { 0.0 };
+        }
+        for i in 0..PARTS {
+            self.all[i] += powers[i];
+        }
+        for i in 0..PARTS {
+            self.weak[i] += is_weak[i] * powers[i];
+        }
+        for i in 0..PARTS {
+            self.count[i] += is_weak[i];
+        }
+        for i in 0..PARTS {
+            self.peak[i] = if powers[i] > self.peak[i] {
+                powers[i]
             } else {
-                sums[3][i]
+                self.peak[i]
             };
         }
     }
@@ -128,19 +146,32 @@ impl Kernel for OfLevel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> Level {
-        let mut sums = [[0.0; PARTS]; 4];
+        let mut sums = Partial {
+            all: [0.0; PARTS],
+            weak: [0.0; PARTS],
+            count: [0.0; PARTS],
+            peak: [0.0; PARTS],
+        };
         let (chunks, rest) = self.powers.as_chunks::<PARTS>();
         for chunk in chunks {
-            self.add(&mut sums, chunk);
+            sums.add(chunk, self.threshold);
         }
-        self.add(&mut sums, rest);
-        let [all, weak, count] = [sums[0], sums[1], sums[2]].map(|parts| parts.iter().sum());
-        Level {
-            all,
-            weak,
-            count,
-            peak: sums[3].iter().copied().fold(0.0, f64::max),
+        let mut level = Level {
+            all: sums.all.iter().sum(),
+            weak: sums.weak.iter().sum(),
+            count: sums.count.iter().sum(),
+            peak: sums.peak.iter().copied().fold(0.0, f64::max),
+        };
+        for &power in rest {
+            let is_weak = power <= self.threshold;
+            level.add(&Level {
+                all: power,
+                weak: if is_weak { power } else { 0.0 },
+                count: if is_weak { 1.0 } else { 0.0 },
+                peak: power,
+            });
         }
+        level
     }
 }
 

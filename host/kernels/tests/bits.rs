@@ -5,8 +5,9 @@
 use num_complex::{Complex32, Complex64};
 use subaperture_kernels::compensation::{GroupRamp, Ramp, refer_to_planes};
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
+use subaperture_kernels::folded_sums::{self, folded_sums};
 use subaperture_kernels::gridding::{self, Band};
-use subaperture_kernels::horner::{NARROW_TOGETHER, TOGETHER, narrow_sums, sums};
+use subaperture_kernels::horner::{TOGETHER, sums};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::Line;
@@ -17,7 +18,7 @@ use subaperture_signal::scaled_dft::Shape;
 
 use crate::decimation::{Case, MODES};
 use crate::tile::{Trial, points};
-use crate::trial::Numbers;
+use crate::trial::{Numbers, turned};
 
 /// Order-dependent checksum (FNV-1a) over integers.
 struct Sum(u64);
@@ -91,22 +92,17 @@ fn decimation_keeps_golden_bits() {
 }
 
 #[test]
-fn horner_sums_keep_golden_bits() {
-    held("sums", 0x15E7_597E_D5B2_D830, |instructions, sum| {
+fn sums_keep_golden_bits() {
+    held("sums", 0x3A16_FE3A_37F2_99DD, |instructions, sum| {
         let mut numbers = Numbers::new(13);
         for count in [1, 16, 77, 1000] {
             let samples = numbers.samples(count);
             let weights: Vec<f64> = (0..count).map(|_| numbers.unit()).collect();
             let narrow: Vec<f32> = weights.iter().map(|&weight| weight as f32).collect();
-            // Steps of magnitude 1 within rounding.
-            let mut step = || {
-                let (sin, cos) = libm::sincos(7.0 * numbers.unit());
-                Complex64::new(cos, sin)
-            };
-            let steps: [Complex64; NARROW_TOGETHER] = std::array::from_fn(|_| step());
-            let few: &[Complex64; TOGETHER] = steps[..TOGETHER].try_into().unwrap();
-            sum.wide(&sums(instructions, &samples, &weights, few));
-            sum.wide(&narrow_sums(instructions, &samples, &narrow, &steps));
+            let turns: [f64; folded_sums::TOGETHER] = std::array::from_fn(|_| numbers.unit());
+            let steps: [Complex64; TOGETHER] = std::array::from_fn(|i| turned(turns[i]));
+            sum.wide(&sums(instructions, &samples, &weights, &steps));
+            sum.wide(&folded_sums(instructions, &samples, &narrow, &turns));
             sum.add(power(instructions, &samples, &narrow).to_bits());
         }
     });

@@ -3,6 +3,7 @@
 
 mod bits;
 mod decimation;
+mod folded_sums;
 mod horner;
 mod tile;
 // Unit tests use the rest of this module.
