@@ -151,11 +151,52 @@ impl Decimation<'_> {
         });
     }
 
+    /// Memory of the input pulses after the given one.
+    #[inline(always)]
+    fn rows_after(&self, pulse: usize) -> Next<'_> {
+        match self.rows {
+            Rows::Planes(values) => Next::Planes(&values[(pulse + 1) * self.layout.values()..]),
+            Rows::Samples { samples, .. } => {
+                Next::Samples(&samples[(pulse + 1) * self.layout.count()..])
+            }
+        }
+    }
+
     /// Number of input pulses.
     fn num_rows(&self) -> usize {
         match self.rows {
             Rows::Planes(values) => values.len() / self.layout.values(),
             Rows::Samples { slow, .. } => slow.len(),
+        }
+    }
+}
+
+/// Memory of a pulse, in either form.
+#[derive(Clone, Copy)]
+enum Next<'a> {
+    Planes(&'a [f32]),
+    Samples(&'a [Complex32]),
+}
+
+impl Next<'_> {
+    /// Fetch part `i` of the pulse: as many bytes as a group has in the four planes.
+    #[inline(always)]
+    fn prefetch<L: Lanes>(self, lanes: L, i: usize) {
+        const LINE: usize = 64;
+        const LINES: usize = 4 * GROUP * size_of::<f32>() / LINE;
+        for line in LINES * i..LINES * (i + 1) {
+            match self {
+                Self::Planes(values) => {
+                    if let Some(value) = values.get(line * (LINE / size_of::<f32>())) {
+                        lanes.prefetch(value);
+                    }
+                }
+                Self::Samples(samples) => {
+                    if let Some(sample) = samples.get(line * (LINE / size_of::<Complex32>())) {
+                        lanes.prefetch(sample);
+                    }
+                }
+            }
         }
     }
 }
@@ -432,7 +473,7 @@ impl<L: Lanes> Turn<'_, L> {
             }
         };
         match halving.phase_ramps.get(pulse) {
-            Some(turning) => self.turned(turning, values, to),
+            Some(turning) => self.turned(turning, values, halving.rows_after(pulse), to),
             None => {
                 for (plane, values) in values.chunks_exact(half).enumerate() {
                     to[plane * stride + GROUP..][..half].copy_from_slice(values);
@@ -441,8 +482,9 @@ impl<L: Lanes> Turn<'_, L> {
         }
     }
 
+    /// Multiply a pulse by its phase ramp, and meanwhile fetch the `next` pulse from memory.
     #[inline(always)]
-    fn turned(&self, turning: &PhaseRamp, from: &[f32], to: &mut [f32]) {
+    fn turned(&self, turning: &PhaseRamp, from: &[f32], next: Next, to: &mut [f32]) {
         let (lanes, stride, half) = (self.lanes, self.stride, self.halving.layout.half());
         let count = half / GROUP;
         let mut planes = from.chunks_exact(half).map(groups);
@@ -470,6 +512,7 @@ impl<L: Lanes> Turn<'_, L> {
                 }
             }
             for i in anew..(anew + ANEW).min(count) {
+                next.prefetch(lanes, i);
                 for (odd, phasors) in phasors.iter_mut().enumerate() {
                     let (re, im) = (&re[odd][i], &im[odd][i]);
                     let (to_re, to_im) = (&mut to_re[odd][i], &mut to_im[odd][i]);

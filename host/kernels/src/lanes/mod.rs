@@ -53,6 +53,8 @@ pub(crate) trait Lanes: Copy {
     fn load(self, from: &[f32]) -> Self::Numbers;
     /// Store to the first `COUNT` numbers of `to`.
     fn store(self, x: Self::Numbers, to: &mut [f32]);
+    /// Fetch the cache line of an element ahead of its use; no effect on values.
+    fn prefetch<T>(self, _: &T) {}
     fn add(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
     fn sub(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
     fn mul(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
