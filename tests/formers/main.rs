@@ -17,6 +17,7 @@ mod live;
 mod movers;
 mod nested_maps;
 mod options;
+mod out_of_memory;
 mod pfa_ffbp;
 mod points;
 mod portable;

@@ -18,6 +18,7 @@ use super::error::FormError;
 use super::formed::Formed;
 use super::former_choices::FormerChoices;
 use super::goal::{BoundPolicy, ErrorGoal};
+use super::patch::Rectangle;
 use super::spec::{Decision, ImageSpec, Tile, Work};
 use super::task::Task;
 use super::{accuracy, execute};
@@ -31,6 +32,14 @@ pub trait Forming: Sync {
     /// Scratch memory per pixel, bytes, in addition to the 8 bytes of the tile.
     fn pixel_bytes(&self) -> u64 {
         0
+    }
+
+    /// Number of pulses that [`Self::form`] reads for tiles at the given places; a pulse that is read twice counts twice.
+    ///
+    /// # Errors
+    /// [`FormError::Memory`].
+    fn pulses_read(&self, work: &Work, _places: &[Rectangle]) -> Result<u64, FormError> {
+        Ok(work.history.collection().pulses.len() as u64)
     }
 
     /// Add the image to tiles of zeros in one pass over the pulses.

@@ -44,6 +44,11 @@ impl<'a> Opened<'a> {
     }
 }
 
+/// Memory for everything except the recording's own buffers, bytes.
+fn left_bytes(work: &Work) -> u64 {
+    work.memory_bytes.saturating_sub(work.history.held_bytes())
+}
+
 /// Progress of one of several passes over the pulses.
 struct Pass<'a> {
     monitor: &'a dyn Monitor,
@@ -70,6 +75,41 @@ impl Monitor for Pass<'_> {
 }
 
 impl Opened<'_> {
+    /// Tiles formed in one pass over the pulses.
+    fn tiles_a_pass(&self, left_bytes: u64, most_a_pass: usize) -> usize {
+        let pixels = (self.plan.tile.rows * self.plan.tile.columns) as u64;
+        let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
+        // A third for tiles; the rest for pulses and scratch.
+        (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64) as usize
+    }
+
+    /// Number of pulses that [`Self::form`] reads for the same tiles; a pulse that is read twice counts twice.
+    ///
+    /// # Errors
+    /// [`FormError::Memory`].
+    pub fn pulses_read(
+        &self,
+        work: &Work,
+        indices: &[usize],
+        most_a_pass: usize,
+    ) -> Result<u64, FormError> {
+        let left_bytes = left_bytes(work);
+        let tiling = self.plan.tiling();
+        let mut count = 0;
+        for indices in indices.chunks(self.tiles_a_pass(left_bytes, most_a_pass)) {
+            let places = indices.iter().map(|&index| tiling.place(index));
+            let places: Vec<Rectangle> = places.map(|place| Rectangle::of(&place)).collect();
+            let pixels = places.iter().map(|own| own.size.rows * own.size.columns);
+            let tiles_bytes = 8 * pixels.sum::<usize>() as u64;
+            let within = Work {
+                memory_bytes: left_bytes.saturating_sub(tiles_bytes),
+                ..*work
+            };
+            count += self.forming.pulses_read(&within, &places)?;
+        }
+        Ok(count)
+    }
+
     /// Form the tiles of the given indices in order and pass each to `sink`. Each pass over the pulses forms as many tiles as
     /// `memory_bytes` (for everything) allows, at most `most_a_pass`.
     ///
@@ -82,15 +122,11 @@ impl Opened<'_> {
         most_a_pass: usize,
         sink: &mut dyn Sink,
     ) -> Result<(), FormError> {
-        let held_bytes = work.history.held_bytes();
-        let left_bytes = work.memory_bytes.saturating_sub(held_bytes);
-        let pixels = (self.plan.tile.rows * self.plan.tile.columns) as u64;
-        let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
-        // A third for tiles; the rest for pulses and scratch.
-        let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
+        let left_bytes = left_bytes(work);
+        let fit = self.tiles_a_pass(left_bytes, most_a_pass);
         let tiling = self.plan.tiling();
         let (total, mut done) = (indices.len() as f64, 0);
-        for indices in indices.chunks(fit as usize) {
+        for indices in indices.chunks(fit) {
             let places = indices.iter().map(|&index| tiling.place(index));
             let mut tiles: Vec<Tile> = places
                 .map(|place| Tile::new(Rectangle::of(&place)))

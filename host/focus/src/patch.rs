@@ -234,10 +234,9 @@ impl Patches {
     }
 
     /// Upper bound on the memory of [`Self::split`], bytes.
-    pub(crate) fn account_bytes(&self, tiles: &[Tile]) -> u64 {
+    pub(crate) fn account_bytes(&self, places: impl IntoIterator<Item = Rectangle>) -> u64 {
         let [height, width] = self.0.tile;
-        let bytes = tiles.iter().map(|tile| {
-            let Rectangle { size: pixels, .. } = tile.place;
+        let bytes = places.into_iter().map(|Rectangle { size: pixels, .. }| {
             let across = pixels.columns.div_ceil(width) + 1;
             let down = pixels.rows.div_ceil(height) + 1;
             let patch = size_of::<(Rectangle, Vec<Segment>)>() + size_of::<(usize, Vec<Segment>)>();

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use subaperture::focus::forecast::Forecast;
-use subaperture::focus::{Cost, FormError, ImageFormer, Task};
+use subaperture::focus::{FormError, ImageFormer, Plan, Task};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::npy;
 use subaperture::phase_history::PhaseHistory;
@@ -28,6 +28,8 @@ pub(crate) struct Ahead {
     /// Description of the work.
     work: String,
     time: Option<Forecast>,
+    /// Samples read to form the image and once more to compare it with the exact sum, bytes.
+    read_bytes: Option<[u64; 2]>,
     /// Total memory of the process, bytes, approximate.
     memory_bytes: u64,
     /// Output paths with their sizes, bytes.
@@ -35,22 +37,30 @@ pub(crate) struct Ahead {
 }
 
 impl Ahead {
-    /// Cost of an image by `former` in the folder `out`; `cost` is that of its plan. The time is measured for long work and in every dry run.
+    /// Cost of an image of `plan` by `former` in the folder `out`, formed in memory as a `whole` or tile by tile. The time is measured for long work and in every dry run.
     pub(crate) fn of_image(
         session: &Session,
         rehearsal: &Rehearsal,
-        (former, cost): (&dyn ImageFormer, &Cost),
+        (former, plan): (&dyn ImageFormer, &Plan),
         task: &Task,
+        whole: bool,
         out: &Path,
     ) -> Result<Self, FormError> {
-        let (grid, pulses) = (task.grid, task.history.collection().pulses.len());
+        let (grid, cost, collection) = (task.grid, &plan.cost, task.history.collection());
+        let pulses = collection.pulses.len();
         let pixels = grid.num_pixels();
         let many = MANY_OPERATIONS * session.threads as f64;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
+        let mut read_bytes = None;
         if rehearsal.dry_run || operations(task, cost) > many {
             time = forecast_of(former, task, cost)?;
             let held_bytes = buffers_bytes.saturating_add(cost.bytes(1.0));
             buffers_bytes = held_bytes.min(task.memory_bytes);
+            if task.history.samples_in_memory(0..0).is_none() {
+                let pulse_bytes = 8 * collection.num_samples as u64;
+                let pulses_read = plan.pulses_read(former, task, whole)?;
+                read_bytes = Some([pulses_read, pulses as u64].map(|count| count * pulse_bytes));
+            }
         }
         Ok(Self {
             work: format!(
@@ -60,6 +70,7 @@ impl Ahead {
                 former.name()
             ),
             time,
+            read_bytes,
             memory_bytes: session.memory.own_bytes_for(pixels)
                 + task.history.held_bytes()
                 + buffers_bytes,
@@ -78,6 +89,7 @@ impl Ahead {
         Self {
             work,
             time,
+            read_bytes: None,
             memory_bytes: session.memory.own_bytes() + held_bytes,
             disk,
         }
@@ -118,6 +130,8 @@ impl Ahead {
             "time_s": self.time.map(|time| time.seconds),
             "measured_s": self.time.map(|time| time.measured_s),
             "threads": session.threads,
+            "read_bytes": self.read_bytes.map(|[formed, _]| formed),
+            "compared_bytes": self.read_bytes.map(|[_, compared]| compared),
             "memory_bytes": self.memory_bytes,
             "memory_allowed_bytes": session.memory.total_bytes,
             "disk": self.disk.iter().map(|(path, bytes)| json!({
@@ -142,6 +156,13 @@ impl Ahead {
                 None => "unknown: no part of this work could be timed".to_owned(),
             }
         ));
+        if let Some(read_bytes) = self.read_bytes {
+            let [formed, compared] = read_bytes.map(|bytes| text::bytes(bytes.into()));
+            lines.push(format!(
+                "{:<16} {formed} of samples, and up to {compared} to compare the image with the exact sum",
+                "read"
+            ));
+        }
         lines.push(format!(
             "{:<16} about {}; {} allowed (--memory)",
             "memory",

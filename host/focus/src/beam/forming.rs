@@ -1,14 +1,14 @@
 //! Image tiles formed block by block, each block from its own pulses.
 
-use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use num_complex::Complex32;
 
 use super::choices::{Choices, Part};
+use crate::patch::Rectangle;
 use crate::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
-use subaperture_model::image::copy_common;
+use subaperture_model::image::{PixelBlock, copy_common};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{BlockIllumination, PulseRange};
 
@@ -43,7 +43,6 @@ impl<'a> InBlocks<'a> {
 
     /// Read all pulses once in ascending order. The comparison with the exact sum adds pulses as they are read, whereas blocks read
     /// their pulses in another order.
-    /// theirs in another order.
     fn read_all(&self, work: &Work) -> Result<(), FormError> {
         if self.read.load(Ordering::Relaxed) {
             return Ok(());
@@ -69,22 +68,52 @@ impl<'a> InBlocks<'a> {
     }
 }
 
-impl Forming for InBlocks<'_> {
-    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        self.read_all(work)?;
-        let meets = |tile: &Tile, place: &[Range<usize>; 2]| {
-            let own = tile.place.place();
-            [0, 1]
-                .iter()
-                .all(|&axis| own[axis].start < place[axis].end && place[axis].start < own[axis].end)
-        };
-        let blocks: Vec<usize> = (0..self.illumination.num_blocks())
+impl InBlocks<'_> {
+    /// Blocks that contain pixels of the given rectangles.
+    fn blocks(&self, places: &[Rectangle]) -> Vec<usize> {
+        let meets = |own: &Rectangle, place: &PixelBlock| meets(&own.place(), place);
+        (0..self.illumination.num_blocks())
             .filter(|&block| self.choices.get(block).is_some())
             .filter(|&block| {
                 let place = self.illumination.place(block);
-                tiles.iter().any(|tile| meets(tile, &place))
+                places.iter().any(|own| meets(own, &place))
             })
-            .collect();
+            .collect()
+    }
+}
+
+/// Whether two blocks have pixels in common.
+fn meets(own: &PixelBlock, other: &PixelBlock) -> bool {
+    let mut axes = own.iter().zip(other);
+    axes.all(|(own, other)| own.start < other.end && other.start < own.end)
+}
+
+impl Forming for InBlocks<'_> {
+    fn pulses_read(&self, work: &Work, places: &[Rectangle]) -> Result<u64, FormError> {
+        let mut count = match self.read.load(Ordering::Relaxed) {
+            true => 0,
+            false => self.spec.collection.pulses.len() as u64,
+        };
+        for block in self.blocks(places) {
+            let Some(choices) = self.choices.get(block) else {
+                continue;
+            };
+            let part = Part::of(&self.spec, &self.illumination, block);
+            let history = PulseRange::new(work.history, self.illumination.pulses(block));
+            let forming = self.former.open(part.spec(&self.spec), choices)?;
+            let within = Work {
+                history: &history,
+                ..*work
+            };
+            count += forming.pulses_read(&within, &[Tile::place_of(&part.grid)])?;
+        }
+        Ok(count)
+    }
+
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        self.read_all(work)?;
+        let places: Vec<Rectangle> = tiles.iter().map(|tile| tile.place).collect();
+        let blocks = self.blocks(&places);
         for (done, &block) in blocks.iter().enumerate() {
             let Some(choices) = self.choices.get(block) else {
                 continue;
@@ -107,8 +136,11 @@ impl Forming for InBlocks<'_> {
             };
             forming.form(&within, std::slice::from_mut(&mut own))?;
             let place = self.illumination.place(block);
-            for tile in tiles.iter_mut().filter(|tile| meets(tile, &place)) {
+            for tile in tiles.iter_mut() {
                 let whole = tile.place.place();
+                if !meets(&whole, &place) {
+                    continue;
+                }
                 copy_common(&whole, &mut tile.pixels, &place, &own.pixels);
             }
         }

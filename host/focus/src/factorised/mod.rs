@@ -62,7 +62,7 @@ use serde_json::json;
 use crate::budget::{Budget, on_threads};
 use crate::former_choices::misfit;
 use crate::goal::misses;
-use crate::patch::Patches;
+use crate::patch::{Patches, Rectangle};
 use crate::sub_cpi::shared_band;
 use crate::{
     Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy, Tile, Work, rounding,
@@ -290,10 +290,19 @@ const BREADTH: u64 = 8;
 /// Size per thread, bytes, above which all threads decimate a history together.
 const LARGEST_BREADTH: u64 = 5 << 20;
 
-impl Forming for Opened<'_> {
-    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+/// First patches of some tiles, and the use of memory for them.
+struct Arrangement {
+    roots: Vec<Node>,
+    reading: Reading,
+    /// Remaining memory.
+    budget: Budget,
+}
+
+impl Opened<'_> {
+    /// Divide the memory of `work` for tiles at the given places.
+    fn arrange(&self, work: &Work, places: &[Rectangle]) -> Result<Arrangement, FormError> {
         let mut budget = Budget::new(work.memory_bytes);
-        let account = self.tasks.account_bytes(tiles);
+        let account = self.tasks.account_bytes(places.iter().copied());
         budget.take("patches", account.into(), &[Remedy::MoreMemory])?;
         let held = self.demand.held_bytes;
         budget.take("histories of patches", held.into(), &[Remedy::MoreMemory])?;
@@ -307,7 +316,7 @@ impl Forming for Opened<'_> {
         let stretches = self.stretches.iter();
         let held = stretches.map(|s| self.refiner.held_bytes(s)).max();
         let held = held.unwrap_or(0);
-        let roots = self.choices.tree.roots_of(self.spec.grid, tiles);
+        let roots = self.choices.tree.roots_of(self.spec.grid, places);
         let several = roots.len() > 1;
         let ahead = several && threads > 1 && self.demand.held_bytes <= budget.left_bytes() / 4;
         if ahead {
@@ -329,7 +338,29 @@ impl Forming for Opened<'_> {
             hold,
             ahead,
         };
-        let largest = threads as u64 * LARGEST_BREADTH;
+        Ok(Arrangement {
+            roots,
+            reading,
+            budget,
+        })
+    }
+}
+
+impl Forming for Opened<'_> {
+    fn pulses_read(&self, work: &Work, places: &[Rectangle]) -> Result<u64, FormError> {
+        let Arrangement { roots, reading, .. } = self.arrange(work, places)?;
+        let times = if reading.hold { 1 } else { roots.len() };
+        Ok((times * self.spec.collection.pulses.len()) as u64)
+    }
+
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let places: Vec<Rectangle> = tiles.iter().map(|tile| tile.place).collect();
+        let Arrangement {
+            roots,
+            reading,
+            budget,
+        } = self.arrange(work, &places)?;
+        let largest = rayon::current_num_threads() as u64 * LARGEST_BREADTH;
         let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
         let more = budget.left_bytes() / 2 / self.demand.thread_bytes.max(1);
         on_threads(more.saturating_add(1) as usize, || {

@@ -4,7 +4,6 @@
 //! and so on up to the first patches. The position of a pixel's patches depends on these sizes only, independent of the part of the image that
 //! is formed.
 
-use crate::Tile;
 use crate::patch::{PatchSize, Rectangle};
 use subaperture_model::geometry::ImageGrid;
 
@@ -82,16 +81,16 @@ impl Tree {
             .collect()
     }
 
-    /// First patches that contain pixels of the given tiles.
-    pub(super) fn roots_of(&self, grid: &ImageGrid, tiles: &[Tile]) -> Vec<Node> {
-        let meet = |own: &Rectangle, tile: &Tile| {
-            let mut each = own.place().into_iter().zip(tile.place.place());
+    /// First patches that contain pixels of the given rectangles.
+    pub(super) fn roots_of(&self, grid: &ImageGrid, places: &[Rectangle]) -> Vec<Node> {
+        let meet = |own: &Rectangle, other: &Rectangle| {
+            let mut each = own.place().into_iter().zip(other.place());
             each.all(|(a, b)| a.start < b.end && b.start < a.end)
         };
         let mut roots = self.roots(grid);
         roots.retain(|&node| {
             let own = self.rectangle(grid, node);
-            own.is_some_and(|own| tiles.iter().any(|tile| meet(&own, tile)))
+            own.is_some_and(|own| places.iter().any(|place| meet(&own, place)))
         });
         roots
     }

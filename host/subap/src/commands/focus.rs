@@ -126,10 +126,11 @@ fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> an
         monitor: &Silent,
     };
     let plan = tiled::plan(session, &typed.image, former, &spec)?;
-    if announce(job, former, &plan, &task)? {
+    let whole = 8 * grid.num_pixels() <= session.memory_bytes / 2;
+    if announce(job, former, (&plan, whole), &task)? {
         return Ok(());
     }
-    if 8 * grid.num_pixels() > session.memory_bytes / 2 {
+    if !whole {
         let work = tiled::InParts { job, former, spec };
         return work.form_array(&plan);
     }
@@ -187,8 +188,13 @@ fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
     })
 }
 
-/// Print the predicted cost of the image. Returns whether this was a dry run.
-fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> anyhow::Result<bool> {
+/// Print the predicted cost of the image, formed in memory as a `whole` or tile by tile. Returns whether this was a dry run.
+fn announce(
+    job: &Job,
+    former: &dyn ImageFormer,
+    (plan, whole): (&Plan, bool),
+    task: &Task,
+) -> anyhow::Result<bool> {
     let Job { session, typed, .. } = *job;
     let progress = session.progress("measuring");
     stages::show_predicted(session, &plan.cost, &comparison_cost(&task.spec()));
@@ -197,7 +203,7 @@ fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> an
         ..*task
     };
     let rehearsal = &typed.rehearsal;
-    let ahead = Ahead::of_image(session, rehearsal, (former, &plan.cost), &task, &typed.out)?;
+    let ahead = Ahead::of_image(session, rehearsal, (former, plan), &task, whole, &typed.out)?;
     progress.finish();
     ahead.announce(session, rehearsal)
 }

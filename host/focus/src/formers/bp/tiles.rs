@@ -190,7 +190,9 @@ impl Forming for Opened<'_> {
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let (length, summed) = (self.profiler.length(), self.summed_pulses);
         let mut budget = Budget::new(work.memory_bytes);
-        let account = self.patches.account_bytes(tiles);
+        let account = self
+            .patches
+            .account_bytes(tiles.iter().map(|tile| tile.place));
         budget.take("patches", account.into(), &[Remedy::MoreMemory])?;
         let parts = budget.take_block(
             "range profiles of some pulses",

@@ -276,7 +276,9 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            self.patches.account_bytes(tiles).into(),
+            self.patches
+                .account_bytes(tiles.iter().map(|tile| tile.place))
+                .into(),
             &[Remedy::Larger("patch"), Remedy::MoreMemory],
         )?;
         let tables = self
