@@ -185,9 +185,14 @@ impl<'a> Opened<'a> {
         }
         let refiner = Refiner::of(spec.collection, choices.error_db);
         let stretches = choices.stretches(&spec, refiner.taps());
-        let kernels = choices
-            .map_level
-            .and_then(|_| refiner.shares().map_kernels());
+        let kernels = match choices.map_level {
+            None => None,
+            Some(_) => {
+                let kernels = refiner.shares().map_kernels();
+                let mismatch = "expected an error bound that range-Doppler maps keep";
+                Some(kernels.ok_or_else(|| misfit(name, mismatch))?)
+            }
+        };
         let descents = cost::descents(
             &spec,
             &refiner,
