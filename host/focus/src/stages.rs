@@ -5,11 +5,12 @@
 //! gives the thread time and the elapsed time per stage, at two clock readings per patch or block of pulses.
 
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 pub use subaperture_model::monitor::during;
 
 use subaperture_model::monitor::Monitor;
+use subaperture_model::stopwatch::Stopwatch;
 
 /// Stage that reads pulses; every former has it and no former forecasts it.
 pub const READING: &str = "reading";
@@ -37,7 +38,7 @@ struct Running {
     taken: StageTime,
     /// Number of threads currently in the stage.
     now: u32,
-    looked: Instant,
+    looked: Stopwatch,
 }
 
 impl StageTimes {
@@ -49,7 +50,6 @@ impl StageTimes {
 
     fn look(&self, stage: &'static str, threads: impl FnOnce(u32) -> u32) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let now = Instant::now();
         let place = all.iter().position(|one| one.taken.stage == stage);
         let place = place.unwrap_or_else(|| {
             all.push(Running {
@@ -59,17 +59,17 @@ impl StageTimes {
                     clock: Duration::ZERO,
                 },
                 now: 0,
-                looked: now,
+                looked: Stopwatch::start(),
             });
             all.len() - 1
         });
         let one = &mut all[place];
-        let passed = now - one.looked;
+        let passed = one.looked.elapsed();
         one.taken.threads += passed * one.now;
         if one.now > 0 {
             one.taken.clock += passed;
         }
-        (one.now, one.looked) = (threads(one.now), now);
+        (one.now, one.looked) = (threads(one.now), Stopwatch::start());
     }
 }
 
@@ -102,6 +102,7 @@ impl Monitor for StageTimer<'_> {
 #[cfg(test)]
 mod tests {
     use std::thread::{self, sleep};
+    use std::time::Instant;
 
     use super::*;
     use subaperture_model::monitor::Silent;

@@ -116,13 +116,24 @@ impl Drop for Hidden {
 pub fn free_bytes(path: &Path) -> Option<u64> {
     let path = std::path::absolute(path).ok()?;
     let place = path.ancestors().find(|place| place.is_dir())?;
-    fs4::available_space(place).ok()
+    available_bytes(place)
+}
+
+/// Free space of an existing folder, bytes.
+fn available_bytes(folder: &Path) -> Option<u64> {
+    #[cfg(not(target_family = "wasm"))]
+    return fs4::available_space(folder).ok();
+    #[cfg(target_family = "wasm")]
+    {
+        let _ = folder;
+        None
+    }
 }
 
 /// Check that `folder` has room for an output, as far as the system reports its free space to ordinary users.
 pub fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), WriteError> {
-    match fs4::available_space(folder) {
-        Ok(free_bytes) if free_bytes < needed_bytes => Err(WriteError::NoSpace {
+    match available_bytes(folder) {
+        Some(free_bytes) if free_bytes < needed_bytes => Err(WriteError::NoSpace {
             path: path.to_owned(),
             needed_bytes,
             free_bytes,

@@ -90,6 +90,19 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<InMemory, ReadE
         .read_to_end(&mut bytes)
         .map_err(io)?;
     stamp.check(&file, path)?;
+    from_bytes(path, bytes, memory_bytes)
+}
+
+/// As [`read`], from a file in memory; `name` stands for its path. Its bytes count as memory.
+///
+/// # Errors
+/// As [`read`], without [`ReadError::Io`].
+pub fn from_bytes(
+    name: impl AsRef<Path>,
+    bytes: Vec<u8>,
+    memory_bytes: u64,
+) -> Result<InMemory, ReadError> {
+    let path = name.as_ref();
     let input = InputFile {
         path: path.to_owned(),
         bytes: bytes.len() as u64,
@@ -97,7 +110,11 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<InMemory, ReadE
     };
     let (mut collection, samples) = parse(bytes, memory_bytes).map_err(|error| match error {
         MatError::Malformed(what) => malformed(path, &what),
-        MatError::Memory(needed) => memory(needed),
+        MatError::Memory(needed_bytes) => ReadError::Memory {
+            path: path.to_owned(),
+            needed_bytes,
+            allowed_bytes: memory_bytes,
+        },
     })?;
     collection.name = path
         .file_stem()

@@ -5,7 +5,7 @@
 //! fails, between two renames, only some of them are done.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
@@ -216,7 +216,7 @@ fn remove(path: &Path) -> io::Result<()> {
 /// Sync a folder, if the system supports it.
 pub fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
-    File::open(folder)?.sync_all()?;
+    fs::File::open(folder)?.sync_all()?;
     #[cfg(not(unix))]
     let _ = folder;
     Ok(())

@@ -25,6 +25,9 @@ const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0 and GOTCHA (MATLAB 5) files are read
 const ARCHIVE_MAGIC: &[u8] = b"PK\x03\x04";
 const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 
+/// Bytes that suffice to recognise every format.
+const START_BYTES: usize = 64;
+
 /// Options for opening recordings.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
@@ -64,15 +67,36 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
     Excluding::misplaced(opened(path, options)?)
 }
 
+/// As [`open`], from the bytes of a file in memory; `name` stands for its path. CPHD, GOTCHA and archives of arrays (`.npz`) are read. The
+/// bytes count as memory.
+///
+/// # Errors
+/// As [`open`], and [`ReadError::Malformed`] for CRSD, HDF5 and descriptions, which are read from files only.
+pub fn open_bytes(
+    name: &Path,
+    bytes: Vec<u8>,
+    options: &Options,
+) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    let start = &bytes[..bytes.len().min(START_BYTES)];
+    let opened = match recognised(name, start, options)? {
+        Format::Gotcha => gotcha_of(name, bytes, options),
+        Format::Cphd => cphd_of(name, bytes, options),
+        Format::Arrays if start.starts_with(ARCHIVE_MAGIC) => arrays_of(name, bytes, options),
+        Format::Crsd | Format::Arrays | Format::Described => Err(ReadError::Malformed {
+            path: name.to_owned(),
+            what: "expected CPHD, GOTCHA or an archive of arrays (.npz), found a format that is read from files only"
+                .to_owned(),
+        }),
+    };
+    Excluding::misplaced(opened?)
+}
+
 fn opened(path: &Path, options: &Options) -> Opened {
     match format(path, options)? {
-        Format::Gotcha => match options.channel {
-            Some(channel) => Err(ReadError::Mismatch(format!(
-                "{}: a GOTCHA file has no channels; remove channel '{channel}'",
-                path.display()
-            ))),
-            None => open_gotcha(path, options),
-        },
+        Format::Gotcha => {
+            no_channel(path, options)?;
+            open_gotcha(path, options)
+        }
         Format::Cphd => open_cphd(path, options),
         Format::Crsd => open_crsd(path, options),
         Format::Arrays => {
@@ -83,6 +107,17 @@ fn opened(path: &Path, options: &Options) -> Opened {
             Some(channel) => one(described_channels(path, options)?, channel),
             None => open_described(path, options),
         },
+    }
+}
+
+/// Refuse a channel of a GOTCHA file.
+fn no_channel(path: &Path, options: &Options) -> Result<(), ReadError> {
+    match options.channel {
+        Some(channel) => Err(ReadError::Mismatch(format!(
+            "{}: a GOTCHA file has no channels; remove channel '{channel}'",
+            path.display()
+        ))),
+        None => Ok(()),
     }
 }
 
@@ -135,6 +170,11 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
         path: path.to_owned(),
         source,
     })?;
+    recognised(path, &start, options)
+}
+
+/// Format of a file that begins with `start`.
+fn recognised(path: &Path, start: &[u8], options: &Options) -> Result<Format, ReadError> {
     let described = path
         .extension()
         .is_some_and(|extension| extension == "toml");
@@ -161,7 +201,7 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
-        what: format!("{}; {SUPPORTED}", describe(&start)),
+        what: format!("{}; {SUPPORTED}", describe(start)),
     })
 }
 
@@ -173,6 +213,18 @@ fn open_gotcha(path: &Path, options: &Options) -> Opened {
     Ok(Box::new(gotcha::read(path, options.memory_bytes)?))
 }
 
+#[cfg(feature = "gotcha")]
+fn gotcha_of(name: &Path, bytes: Vec<u8>, options: &Options) -> Opened {
+    no_channel(name, options)?;
+    let opened = gotcha::from_bytes(name, bytes, options.memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(not(feature = "gotcha"))]
+fn gotcha_of(name: &Path, _: Vec<u8>, options: &Options) -> Opened {
+    open_gotcha(name, options)
+}
+
 #[cfg(not(feature = "gotcha"))]
 fn open_gotcha(path: &Path, _: &Options) -> Opened {
     Err(is_off(path, "a MATLAB 5 file", "gotcha"))
@@ -182,6 +234,17 @@ fn open_gotcha(path: &Path, _: &Options) -> Opened {
 fn open_cphd(path: &Path, options: &Options) -> Opened {
     let opened = cphd::Cphd::open(path, options.channel, options.memory_bytes)?;
     Ok(Box::new(opened))
+}
+
+#[cfg(feature = "cphd")]
+fn cphd_of(name: &Path, bytes: Vec<u8>, options: &Options) -> Opened {
+    let opened = cphd::Cphd::from_bytes(name, bytes, options.channel, options.memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(not(feature = "cphd"))]
+fn cphd_of(name: &Path, _: Vec<u8>, options: &Options) -> Opened {
+    open_cphd(name, options)
 }
 
 #[cfg(feature = "cphd")]
@@ -253,6 +316,18 @@ fn array_channels(path: &Path, options: &Options) -> OpenedChannels {
         return Err(is_off(path, "an HDF5 file", "hdf5"));
     }
     arrays::open_channels(path, options.memory_bytes, options.inference.as_ref())
+}
+
+#[cfg(feature = "npz")]
+fn arrays_of(name: &Path, bytes: Vec<u8>, options: &Options) -> Opened {
+    let inference = options.inference.as_ref();
+    let channels = arrays::from_bytes(name, bytes, options.memory_bytes, inference)?;
+    one(channels, options.channel.unwrap_or("1"))
+}
+
+#[cfg(not(feature = "npz"))]
+fn arrays_of(name: &Path, _: Vec<u8>, _: &Options) -> Opened {
+    Err(is_off(name, "a file of arrays (.npz, HDF5)", "npz"))
 }
 
 #[cfg(not(feature = "npz"))]
@@ -426,7 +501,7 @@ fn check_memory<P: AsRef<Path>>(
 /// First bytes of a file, enough to recognise every format.
 fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut start = Vec::new();
-    open_file(path)?.take(64).read_to_end(&mut start)?;
+    open_file(path)?.take(START_BYTES as u64).read_to_end(&mut start)?;
     Ok(start)
 }
 

@@ -12,6 +12,7 @@
 //! | [`track`] | trajectories of radars and targets |
 //! | [`image`] | complex images, and the error between two of them |
 //! | [`units`], [`quantity`] | numbers with units, parsed and printed |
+//! | [`stopwatch`] | elapsed time of work |
 //! | [`monitor`] | progress and cancellation of long work |
 //! | [`nearest`] | nearest valid name of a misspelt one |
 //!
@@ -33,6 +34,7 @@ pub mod phase_history;
 pub mod quantity;
 pub mod radar;
 pub mod resolution;
+pub mod stopwatch;
 pub mod track;
 pub mod units;
 

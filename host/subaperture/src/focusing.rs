@@ -1,7 +1,5 @@
 //! Image formation with defaults for all settings.
 
-use std::time::Instant;
-
 use crate::FocusedImage;
 use subaperture_focus::beam::{BeamChoice, EstimateError, InBeam, choose};
 use subaperture_focus::coverage::Coverage;
@@ -11,6 +9,7 @@ use subaperture_focus::{
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, Silent};
 use subaperture_model::phase_history::PhaseHistory;
+use subaperture_model::stopwatch::Stopwatch;
 use subaperture_signal::window::Window;
 
 /// Form an image in one call. Implemented for every [`ImageFormer`].
@@ -137,7 +136,7 @@ impl<'a> Focusing<'a> {
     /// # Errors
     /// [`FormError`]; [`FormError::Unsuited`] if a requested beam does not suit the recording, the grid or a former of another crate.
     pub fn by<F: ImageFormer + ?Sized>(self, former: &F) -> Result<FocusedImage, FormError> {
-        let start = Instant::now();
+        let start = Stopwatch::start();
         let coverage = Coverage::of(self.history.collection(), self.grid);
         let mut warnings: Vec<String> = (coverage.iter()).filter_map(Coverage::warning).collect();
         let mut image = match self.in_beam(former, &mut warnings)? {

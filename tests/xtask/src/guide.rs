@@ -12,6 +12,7 @@ use subaperture_xtask::{root, target_folder};
 
 use crate::checks::cargo;
 use crate::prerequisites::mdbook;
+use crate::wasm;
 
 /// Folders of pages that show pictures.
 const WITH_PICTURES: [&str; 2] = ["tutorials", "howto"];
@@ -37,6 +38,8 @@ pub(crate) fn build() -> Result<(), String> {
         )
         .map_err(|error| format!("{error}: run first: cargo test --test cli guide::"))?;
     }
+    copy_all(&wasm::page(), &source.join("howto/browser"))
+        .map_err(|error| format!("{error}: run first: cargo xtask wasm"))?;
     let commands = source.join("reference/commands.md");
     fs::write(&commands, commands_page(&subap()?)?).map_err(|error| at(&commands, &error))?;
     let program = mdbook().ok_or("mdbook is missing: cargo install mdbook")?;

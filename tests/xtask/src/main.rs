@@ -10,6 +10,7 @@ mod prerequisites;
 mod python;
 mod runner;
 mod suite;
+mod wasm;
 mod words;
 
 use std::path::PathBuf;
@@ -37,6 +38,7 @@ Usage: cargo xtask COMMAND
   oldest     all that is published, compiled by the oldest Rust that it says it needs
   package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
+  wasm       the web page that forms images in WebAssembly: target/wasm
   guide      the guide as a book, its blocks run: target/guide/book
   uhd        the radio's binding to UHD, against a library that stands in for it; needs libuhd-dev
   long       the tests that take minutes each, which 'test' leaves out
@@ -53,8 +55,11 @@ Usage: cargo xtask COMMAND
              measure the module and write firmware/REPORT.md; with --check compare it
 
 'cargo xtask test' is what continuous integration runs. It may install Rust targets, Debian
-packages (as root or with passwordless sudo), cargo-deny, and sarkit in target/venv unless
+packages (as root or with passwordless sudo), cargo-deny, mdbook, wasm-bindgen-cli, and sarkit in target/venv unless
 SUBAPERTURE_PYTHON names a Python that has it.";
+
+/// Needs of the web page.
+const WASM: [Need; 2] = [Need::Target(prerequisites::WASM_TARGET), Need::WasmBindgen];
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -136,7 +141,12 @@ fn main() -> ExitCode {
             unit(&mut runner, python);
             Ok(())
         }
-        ["guide"] => ensure(&[Need::Mdbook], Talk::Shown).map(|()| {
+        ["wasm"] => ensure(&WASM, Talk::Shown).map(|()| {
+            wasm::clippy(&mut runner);
+            runner.work("web page", wasm::build);
+        }),
+        ["guide"] => ensure(&[&[Need::Mdbook][..], &WASM].concat(), Talk::Shown).map(|()| {
+            runner.work("web page", wasm::build);
             suite::guide_pages(&mut runner);
             runner.work("guide", guide::build);
         }),
@@ -172,7 +182,12 @@ fn main() -> ExitCode {
 fn test(runner: &mut Runner) -> Result<(), String> {
     // The Rust toolchain is not changed while it is in use.
     ensure(
-        &[Need::Rustfmt, Need::Clippy, Need::FIRMWARE_TARGET],
+        &[
+            Need::Rustfmt,
+            Need::Clippy,
+            Need::FIRMWARE_TARGET,
+            Need::Target(prerequisites::WASM_TARGET),
+        ],
         Talk::Shown,
     )?;
     ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
@@ -195,6 +210,14 @@ fn test(runner: &mut Runner) -> Result<(), String> {
         checks::build_firmware(&mut second);
         checks::oldest_rust(&mut second);
         checks::platforms(&mut second);
+        wasm::clippy(&mut second);
+        match ensure(&[Need::WasmBindgen], Talk::OfFailure) {
+            Ok(()) => second.work("web page", wasm::build),
+            Err(remedy) => {
+                eprintln!("{remedy}");
+                second.fail("web page", "let cargo reach crates.io, or install wasm-bindgen-cli");
+            }
+        }
         second
     });
     checks::fmt(runner);

@@ -24,12 +24,17 @@ pub(crate) enum Need {
     Uhd,
     CargoDeny,
     Mdbook,
+    /// The tool of the version in Cargo.lock: it refuses modules of another.
+    WasmBindgen,
     /// Compiler and library of [`OLDEST_RUST`].
     OldestRust,
 }
 
 /// The workspace's `rust-version`.
 pub(crate) const OLDEST_RUST: &str = "1.89.0";
+
+/// Target of the web page.
+pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
 
 /// Targets and emulators on which the bits of the streaming core and of the kernels are compared; without them those tests are skipped.
 pub(crate) const OTHER_TARGETS: [Need; 3] = [
@@ -58,7 +63,7 @@ enum Source {
     Debian(&'static [&'static str]),
     Rustup(Vec<&'static str>),
     /// Built by cargo into [`tools`], with these additional arguments.
-    Tool(&'static str, &'static [&'static str]),
+    Tool(&'static str, Vec<String>),
 }
 
 impl Need {
@@ -80,6 +85,7 @@ impl Need {
             Self::Uhd => Path::new("/usr/include/uhd.h").exists(),
             Self::CargoDeny => cargo_deny().is_some(),
             Self::Mdbook => mdbook().is_some(),
+            Self::WasmBindgen => wasm_bindgen().is_some(),
             Self::OldestRust => toolchain_installed(OLDEST_RUST),
         }
     }
@@ -95,10 +101,16 @@ impl Need {
             Self::Rustfmt => Source::Rustup(vec!["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(vec!["component", "add", "clippy"]),
             Self::Target(target) => Source::Rustup(vec!["target", "add", target]),
-            Self::CargoDeny => Source::Tool("cargo-deny", &[]),
+            Self::CargoDeny => Source::Tool("cargo-deny", vec!["--locked".to_owned()]),
             // Without its web server.
             Self::Mdbook => {
-                Source::Tool("mdbook", &["--no-default-features", "--features", "search"])
+                let features = ["--locked", "--no-default-features", "--features", "search"];
+                Source::Tool("mdbook", features.map(str::to_owned).to_vec())
+            }
+            // Its lock file names versions that a mirror of the registry may not have yet.
+            Self::WasmBindgen => {
+                let version = wasm_bindgen_version().unwrap_or_default();
+                Source::Tool("wasm-bindgen-cli", vec!["--version".to_owned(), version])
             }
             Self::OldestRust => {
                 let profile = ["--profile", "minimal"];
@@ -132,15 +144,16 @@ pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
         match need.source() {
             Source::Debian(_) => {}
             Source::Rustup(arguments) => run("rustup", &arguments, talk)?,
-            Source::Tool(name, features) => {
+            Source::Tool(name, options) => {
                 println!("{name} is missing; building it takes some minutes, once");
                 let tools = tools();
                 let root = tools.to_string_lossy();
                 // Tools that run for seconds need no optimised build of minutes.
-                let arguments = ["install", "--locked", "--quiet", "--debug", "--root"];
+                let arguments = ["install", "--quiet", "--debug", "--root"];
+                let options: Vec<&str> = options.iter().map(String::as_str).collect();
                 run(
                     "cargo",
-                    &[&arguments[..], &[&root, name], features].concat(),
+                    &[&arguments[..], &[&root, name], &options].concat(),
                     talk,
                 )?;
             }
@@ -198,10 +211,29 @@ pub(crate) fn mdbook() -> Option<PathBuf> {
     tool("mdbook")
 }
 
-fn tool(name: &str) -> Option<PathBuf> {
+/// wasm-bindgen of the version in Cargo.lock, installed by the user or built here.
+pub(crate) fn wasm_bindgen() -> Option<PathBuf> {
+    let expected = format!("wasm-bindgen {}", wasm_bindgen_version()?);
+    places("wasm-bindgen").into_iter().find(|path| {
+        let version = run_quietly(&path.to_string_lossy(), &["--version"]);
+        version.is_some_and(|version| version.trim() == expected)
+    })
+}
+
+/// Version of wasm-bindgen in Cargo.lock.
+fn wasm_bindgen_version() -> Option<String> {
+    let lock = std::fs::read_to_string(root().join("Cargo.lock")).ok()?;
+    let (_, after) = lock.split_once("name = \"wasm-bindgen\"\nversion = \"")?;
+    let (version, _) = after.split_once('"')?;
+    Some(version.to_owned())
+}
+
+fn places(name: &str) -> [PathBuf; 2] {
     [PathBuf::from(name), tools().join("bin").join(name)]
-        .into_iter()
-        .find(|path| works(&path.to_string_lossy(), &["--version"]))
+}
+
+fn tool(name: &str) -> Option<PathBuf> {
+    (places(name).into_iter()).find(|path| works(&path.to_string_lossy(), &["--version"]))
 }
 
 fn install_packages(packages: &[&str], talk: Talk) -> Result<(), String> {
@@ -285,6 +317,12 @@ pub(crate) fn run_shown(command: &mut Command, talk: Talk) -> std::io::Result<bo
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn version_of_wasm_bindgen_is_the_locked_one() {
+        let version = wasm_bindgen_version().unwrap();
+        assert!(version.starts_with("0.2."), "{version}");
+    }
 
     #[test]
     fn oldest_rust_is_that_of_the_packages() {

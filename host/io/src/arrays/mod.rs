@@ -59,16 +59,59 @@ pub fn open_channels(
         crc32,
     };
     let source = Source::open(path).map_err(malformed)?;
+    let parsed = parse(path, source, memory_bytes)?;
+    stamp.check(&file, path)?;
+    channels(path, parsed, &input, memory_bytes, inference)
+}
+
+/// As [`open_channels`], from an archive (`.npz`) in memory; `name` stands for its path. Its bytes count as memory.
+///
+/// # Errors
+/// As [`open_channels`], without [`ReadError::Io`] and [`ReadError::Changed`].
+pub fn from_bytes(
+    name: &Path,
+    bytes: Vec<u8>,
+    memory_bytes: u64,
+    inference: Option<&Inference>,
+) -> Result<Channels<'static>, ReadError> {
+    let input = InputFile {
+        path: name.to_owned(),
+        bytes: bytes.len() as u64,
+        crc32: format!("{:08x}", crc32fast::hash(&bytes)),
+    };
+    let left_bytes = memory_bytes.saturating_sub(input.bytes);
+    let parsed = parse(name, Source::Bytes(bytes), left_bytes)?;
+    channels(name, parsed, &input, memory_bytes, inference)
+}
+
+/// Read the arrays of an open file.
+fn parse(path: &Path, source: Source, memory_bytes: u64) -> Result<Parsed, ReadError> {
     let parsed = Fields::new(source, memory_bytes).and_then(Parsed::read);
-    let parsed = parsed.map_err(|fault| match fault {
-        Fault::Malformed(what) => malformed(what),
+    parsed.map_err(|fault| match fault {
+        Fault::Malformed(what) => ReadError::Malformed {
+            path: path.to_owned(),
+            what,
+        },
         Fault::Memory(needed_bytes) => ReadError::Memory {
             path: path.to_owned(),
             needed_bytes,
             allowed_bytes: memory_bytes,
         },
-    })?;
-    stamp.check(&file, path)?;
+    })
+}
+
+/// Phase history of each channel, in the convention stated or inferred.
+fn channels(
+    path: &Path,
+    parsed: Parsed,
+    input: &InputFile,
+    memory_bytes: u64,
+    inference: Option<&Inference>,
+) -> Result<Channels<'static>, ReadError> {
+    let malformed = |what: String| ReadError::Malformed {
+        path: path.to_owned(),
+        what,
+    };
     let stem = path.file_stem().unwrap_or(path.as_os_str());
     let name = stem.to_string_lossy().into_owned();
     let mut channels = Vec::new();

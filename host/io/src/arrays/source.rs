@@ -11,6 +11,8 @@ const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
 /// Open file of named arrays.
 pub(super) enum Source {
     Archive(PathBuf),
+    /// Archive in memory.
+    Bytes(Vec<u8>),
     #[cfg(feature = "hdf5")]
     Hdf5(super::hdf5::Hdf5),
 }
@@ -37,6 +39,7 @@ impl Source {
     pub(super) fn names(&self) -> Result<Vec<String>, String> {
         match self {
             Self::Archive(path) => npy::names(path).map_err(without_path),
+            Self::Bytes(bytes) => npy::names_of(bytes),
             #[cfg(feature = "hdf5")]
             Self::Hdf5(file) => file.names(),
         }
@@ -48,6 +51,7 @@ impl Source {
             Self::Archive(path) => {
                 Array::read(path, Some(name), memory_bytes).map_err(without_path)
             }
+            Self::Bytes(bytes) => Array::of_archive(bytes, name, memory_bytes),
             #[cfg(feature = "hdf5")]
             Self::Hdf5(file) => file.array(name, memory_bytes),
         }

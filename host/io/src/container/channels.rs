@@ -25,7 +25,7 @@ pub(crate) struct Table<'f> {
 /// An open file with channels.
 pub(crate) trait ChannelFile: Sized {
     /// Read header and XML, within `memory_bytes`.
-    fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError>;
+    fn open(source: Source, memory_bytes: u64) -> Result<Self, ReadError>;
 
     fn table(&self) -> Table<'_>;
 
@@ -46,11 +46,11 @@ pub(crate) trait FileChannel: PhaseHistory + Sized {
 
 /// Open a channel by its identifier or its number from 1; the reference channel for `None`.
 pub(crate) fn open_one<T: FileChannel>(
-    path: &Path,
+    source: Source,
     channel: Option<&str>,
     memory_bytes: u64,
 ) -> Result<T, ReadError> {
-    let file = T::File::open(path, memory_bytes)?;
+    let file = T::File::open(source, memory_bytes)?;
     let table = file.table();
     let chosen = table.index(channel);
     let chosen = chosen.map_err(|what| table.source.malformed(what))?;
@@ -60,11 +60,11 @@ pub(crate) fn open_one<T: FileChannel>(
 
 /// Open channels, each by its identifier or its number from 1; all for `None`. The file is opened once; the channels share its memory.
 pub(crate) fn open_several<T: FileChannel, S: AsRef<str>>(
-    path: &Path,
+    source: Source,
     channels: Option<&[S]>,
     memory_bytes: u64,
 ) -> Result<Vec<T>, ReadError> {
-    let file = Arc::new(T::File::open(path, memory_bytes)?);
+    let file = Arc::new(T::File::open(source, memory_bytes)?);
     let ids = file.table().ids();
     let chosen: Vec<usize> = match channels {
         None => (0..ids.len()).collect(),

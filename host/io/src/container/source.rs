@@ -1,4 +1,4 @@
-//! Open file with reads at given positions, checked against its length at opening.
+//! Open file, or the bytes of a file, with reads at given positions, checked against its length at opening.
 
 use std::fs::File;
 use std::io;
@@ -24,12 +24,18 @@ pub struct Block {
 /// An open file with its path for errors.
 #[derive(Debug)]
 pub struct Source {
-    file: File,
+    content: Content,
     path: PathBuf,
     len: u64,
-    stamp: Stamp,
     /// CRC-32 of the whole file, computed on first use.
     checksum: OnceLock<u32>,
+}
+
+/// Where the bytes of a source are.
+#[derive(Debug)]
+enum Content {
+    File { file: File, stamp: Stamp },
+    Memory(Vec<u8>),
 }
 
 impl Source {
@@ -58,13 +64,32 @@ impl Source {
         if metadata.is_dir() {
             return Err(io(io::Error::from(io::ErrorKind::IsADirectory)));
         }
+        let stamp = Stamp::of(&file).map_err(io)?;
         Ok(Self {
-            stamp: Stamp::of(&file).map_err(io)?,
-            file,
+            content: Content::File { file, stamp },
             path: path.to_owned(),
             len: metadata.len(),
             checksum: OnceLock::new(),
         })
+    }
+
+    /// The bytes of a file in memory; `name` is for errors.
+    pub fn of_bytes(bytes: Vec<u8>, name: &Path) -> Self {
+        Self {
+            len: bytes.len() as u64,
+            content: Content::Memory(bytes),
+            path: name.to_owned(),
+            checksum: OnceLock::new(),
+        }
+    }
+
+    /// Memory that holds the bytes of the file; 0 for a file on disk.
+    #[cfg(feature = "cphd")]
+    pub(crate) fn held_bytes(&self) -> u64 {
+        match &self.content {
+            Content::File { .. } => 0,
+            Content::Memory(bytes) => bytes.len() as u64,
+        }
     }
 
     /// Path of the file.
@@ -89,7 +114,10 @@ impl Source {
     /// # Errors
     /// [`ReadError::Changed`] if it was written to since.
     pub fn check_unchanged(&self) -> Result<(), ReadError> {
-        self.stamp.check(&self.file, &self.path)
+        match &self.content {
+            Content::File { file, stamp } => stamp.check(file, &self.path),
+            Content::Memory(_) => Ok(()),
+        }
     }
 
     /// Path, size and CRC-32 of the file, computed once.
@@ -219,7 +247,11 @@ impl Source {
     /// # Errors
     /// [`ReadError::Malformed`] if the file was shortened; [`ReadError::Io`].
     pub fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<(), ReadError> {
-        read_exact_at(&self.file, offset, bytes).map_err(|source| {
+        let read = match &self.content {
+            Content::File { file, .. } => read_exact_at(file, offset, bytes),
+            Content::Memory(held) => copy_at(held, offset, bytes),
+        };
+        read.map_err(|source| {
             if source.kind() == io::ErrorKind::UnexpectedEof {
                 self.malformed(format!(
                     "bytes {offset} to {} are gone: the file had {} bytes when it was opened and \
@@ -235,6 +267,22 @@ impl Source {
             }
         })
     }
+}
+
+/// Copy a range of `held`.
+fn copy_at(held: &[u8], offset: u64, bytes: &mut [u8]) -> io::Result<()> {
+    let from = usize::try_from(offset)
+        .ok()
+        .and_then(|first| held.get(first..)?.get(..bytes.len()))
+        .ok_or(io::ErrorKind::UnexpectedEof)?;
+    bytes.copy_from_slice(from);
+    Ok(())
+}
+
+/// A browser opens no files.
+#[cfg(not(any(unix, windows)))]
+fn read_exact_at(_: &File, _: u64, _: &mut [u8]) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
 }
 
 #[cfg(unix)]

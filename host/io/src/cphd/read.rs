@@ -84,8 +84,7 @@ pub(crate) struct Container {
 }
 
 impl ChannelFile for Container {
-    fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
-        let source = Source::open(path)?;
+    fn open(source: Source, memory_bytes: u64) -> Result<Self, ReadError> {
         let Preamble {
             header,
             info,
@@ -136,7 +135,29 @@ impl Cphd {
         channel: Option<&str>,
         memory_bytes: u64,
     ) -> Result<Self, ReadError> {
-        let mut opened: Self = open_one(path.as_ref(), channel, memory_bytes)?;
+        Self::of_source(Source::open(path.as_ref())?, channel, memory_bytes)
+    }
+
+    /// As [`Self::open`], from a file in memory; `name` stands for its path. Its bytes are kept and count as memory.
+    ///
+    /// # Errors
+    /// As [`Self::open`], without [`ReadError::Io`].
+    pub fn from_bytes(
+        name: impl AsRef<Path>,
+        bytes: Vec<u8>,
+        channel: Option<&str>,
+        memory_bytes: u64,
+    ) -> Result<Self, ReadError> {
+        let source = Source::of_bytes(bytes, name.as_ref());
+        Self::of_source(source, channel, memory_bytes)
+    }
+
+    fn of_source(
+        source: Source,
+        channel: Option<&str>,
+        memory_bytes: u64,
+    ) -> Result<Self, ReadError> {
+        let mut opened: Self = open_one(source, channel, memory_bytes)?;
         let misplaced = opened.misplaced();
         opened.leave_out(&misplaced);
         match opened.collection.pulses.is_empty() && !misplaced.is_empty() {
@@ -155,7 +176,7 @@ impl Cphd {
         channels: Option<&[S]>,
         memory_bytes: u64,
     ) -> Result<Vec<Self>, ReadError> {
-        let mut opened: Vec<Self> = open_several(path.as_ref(), channels, memory_bytes)?;
+        let mut opened: Vec<Self> = open_several(Source::open(path.as_ref())?, channels, memory_bytes)?;
         // A vector left out of one channel is left out of all, so that pulses still correspond.
         let vectors = |one: &Self| one.channel().num_vectors;
         let shared = opened
@@ -326,7 +347,8 @@ impl FileChannel for Cphd {
             true => layout.antennas.as_ref().ok(),
             false => None,
         };
-        let held_bytes = held_bytes(chosen, info.domain, layout, antenna_fields.is_some());
+        let held_bytes = held_bytes(chosen, info.domain, layout, antenna_fields.is_some())
+            .saturating_add(source.held_bytes());
         let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
         source.check_memory(
             held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),

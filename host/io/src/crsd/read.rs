@@ -52,13 +52,13 @@ impl CrsdInfo {
     /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CRSD, is of another kind, is truncated, or the XML
     /// lacks an element that [`CrsdInfo`] needs.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, ReadError> {
-        Ok(Container::open(path.as_ref(), DEFAULT_MEMORY_BYTES)?.info)
+        let source = Source::open(path.as_ref())?;
+        Ok(Container::open(source, DEFAULT_MEMORY_BYTES)?.info)
     }
 }
 
 impl ChannelFile for Container {
-    fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
-        let source = Source::open(path)?;
+    fn open(source: Source, memory_bytes: u64) -> Result<Self, ReadError> {
         let header = Header::read(&source)?;
         let xml = read_xml(&source, header.blocks.xml, memory_bytes)?;
         let Parsed {
@@ -148,7 +148,7 @@ impl Crsd {
         channel: Option<&str>,
         memory_bytes: u64,
     ) -> Result<Self, ReadError> {
-        open_one(path.as_ref(), channel, memory_bytes)
+        open_one(Source::open(path.as_ref())?, channel, memory_bytes)
     }
 
     /// Open several channels, each by its identifier or its number from 1, or all. The file is opened once. Together
@@ -161,7 +161,7 @@ impl Crsd {
         channels: Option<&[S]>,
         memory_bytes: u64,
     ) -> Result<Vec<Self>, ReadError> {
-        open_several(path.as_ref(), channels, memory_bytes)
+        open_several(Source::open(path.as_ref())?, channels, memory_bytes)
     }
 
     /// Metadata of the file.

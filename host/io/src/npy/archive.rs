@@ -1,18 +1,16 @@
 //! Arrays in an archive (`.npz`), a zip file of `.npy` files.
 
-use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek};
 
 use super::Array;
-use subaperture_model::phase_history::ReadError;
 
 /// Read the array `name`, with or without its suffix `.npy`, by `take`.
 #[cfg(feature = "npz")]
-pub(super) fn read(
-    file: &File,
+pub(super) fn read<E>(
+    file: impl Read + Seek,
     name: &str,
-    take: impl FnOnce(&mut dyn Read) -> Result<Array, ReadError>,
-) -> Result<Result<Array, ReadError>, String> {
+    take: impl FnOnce(&mut dyn Read) -> Result<Array, E>,
+) -> Result<Result<Array, E>, String> {
     let mut archive = zip::ZipArchive::new(std::io::BufReader::new(file))
         .map_err(|error| format!("not an archive of arrays (.npz): {error}"))?;
     let member = format!("{}.npy", name.strip_suffix(".npy").unwrap_or(name));
@@ -31,11 +29,11 @@ pub(super) fn read(
 
 /// Refuse: archives need a feature that is off.
 #[cfg(not(feature = "npz"))]
-pub(super) fn read(
-    _: &File,
+pub(super) fn read<E>(
+    _: impl Read + Seek,
     name: &str,
-    _: impl FnOnce(&mut dyn Read) -> Result<Array, ReadError>,
-) -> Result<Result<Array, ReadError>, String> {
+    _: impl FnOnce(&mut dyn Read) -> Result<Array, E>,
+) -> Result<Result<Array, E>, String> {
     Err(format!(
         "array {name} is in an archive (.npz), and this program was built without the feature 'npz' of subaperture"
     ))
@@ -43,7 +41,7 @@ pub(super) fn read(
 
 /// Names of the arrays in an archive.
 #[cfg(feature = "npz")]
-pub(super) fn names(file: &File) -> Result<Vec<String>, String> {
+pub(super) fn names(file: impl Read + Seek) -> Result<Vec<String>, String> {
     let archive = zip::ZipArchive::new(std::io::BufReader::new(file))
         .map_err(|error| format!("not an archive of arrays (.npz): {error}"))?;
     let names = archive.file_names().flatten();

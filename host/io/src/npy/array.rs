@@ -59,6 +59,19 @@ impl Array {
         archive::read(&file, name, read).unwrap_or_else(|what| Err(unsuited(what)))
     }
 
+    /// As [`Self::read`], of the array `name` of an archive in memory.
+    #[cfg(feature = "npz")]
+    pub(crate) fn of_archive(bytes: &[u8], name: &str, memory_bytes: u64) -> Result<Self, String> {
+        let read = |stream: &mut dyn Read| {
+            let mut stream = BufReader::new(stream);
+            Self::read_from(&mut stream, memory_bytes).map_err(|error| match error {
+                HeaderError::Io(source) => source.to_string(),
+                HeaderError::Unsuited(what) => format!("array {name}: {what}"),
+            })
+        };
+        archive::read(std::io::Cursor::new(bytes), name, read)?
+    }
+
     /// Values of a real array.
     pub fn real(&self) -> Option<&[f64]> {
         match &self.values {

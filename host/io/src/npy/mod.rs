@@ -88,6 +88,12 @@ pub fn names(path: &Path) -> Result<Vec<String>, ReadError> {
     archive::names(&opened).map_err(|what| ReadError::malformed(path, what))
 }
 
+/// As [`names`], of an archive in memory.
+#[cfg(feature = "npz")]
+pub(crate) fn names_of(bytes: &[u8]) -> Result<Vec<String>, String> {
+    archive::names(io::Cursor::new(bytes))
+}
+
 /// Rows and columns of a complex64 image.
 fn image_shape(header: &Header) -> Result<(u64, u64), String> {
     match (

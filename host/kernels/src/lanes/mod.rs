@@ -14,6 +14,8 @@ mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod portable;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod simd128;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +26,8 @@ pub(crate) use avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+pub(crate) use simd128::Simd128;
 
 /// Group size of kernels: a multiple of the lane count of every instruction set.
 pub const GROUP: usize = 16;
@@ -105,11 +109,18 @@ pub enum Instructions {
     /// NEON, 4 lanes.
     #[cfg(target_arch = "aarch64")]
     Neon,
+    /// WebAssembly's 128-bit instructions, 4 lanes, with products added in float64.
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128,
+    /// The same with fused multiply-adds, where the machine has them.
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128Fused,
 }
 
 impl Instructions {
     /// Instruction sets of this processor, [`Self::Portable`] first, the fastest last.
     pub fn available() -> Vec<Self> {
+        #[allow(unused_mut, reason = "some targets have no other instructions")]
         let mut all = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
         {
@@ -118,6 +129,11 @@ impl Instructions {
         }
         #[cfg(target_arch = "aarch64")]
         all.extend(Neon::new().map(|_| Self::Neon));
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        {
+            all.push(Self::Simd128);
+            all.extend(Simd128::<true>::new().map(|_| Self::Simd128Fused));
+        }
         all
     }
 
@@ -133,6 +149,12 @@ impl Instructions {
         if Neon::new().is_some() {
             return Self::Neon;
         }
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        return match Simd128::<true>::new() {
+            Some(_) => Self::Simd128Fused,
+            None => Self::Simd128,
+        };
+        #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
         Self::Portable
     }
 
@@ -146,6 +168,10 @@ impl Instructions {
             Self::Avx512 => "avx512",
             #[cfg(target_arch = "aarch64")]
             Self::Neon => "neon",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128 => "simd128",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128Fused => "simd128-fused",
         }
     }
 }
@@ -175,6 +201,13 @@ impl Instructions {
             },
             #[cfg(target_arch = "aarch64")]
             Self::Neon => match Neon::new() {
+                Some(lanes) => lanes.run(kernel),
+                None => kernel.run(Portable),
+            },
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128 => Simd128::<false>::new().run(kernel),
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128Fused => match Simd128::<true>::new() {
                 Some(lanes) => lanes.run(kernel),
                 None => kernel.run(Portable),
             },

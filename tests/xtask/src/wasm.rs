@@ -1,0 +1,69 @@
+//! The web page that forms images: `cargo xtask wasm` writes `target/wasm`.
+//!
+//! The package `subaperture-wasm` is built for WebAssembly in a target folder of its own, wasm-bindgen's tool writes the module with its
+//! JavaScript, and the page's files are copied next to them.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use subaperture_xtask::{root, target_folder};
+
+use crate::checks::cargo;
+use crate::prerequisites::{WASM_TARGET, wasm_bindgen};
+use crate::runner::Runner;
+
+const PACKAGE: [&str; 4] = ["--package", "subaperture-wasm", "--target", WASM_TARGET];
+
+/// Folder of the complete page.
+pub(crate) fn page() -> PathBuf {
+    target_folder().join("wasm")
+}
+
+/// Build the page.
+///
+/// # Errors
+/// A command that failed, or a file that cannot be copied.
+pub(crate) fn build() -> Result<(), String> {
+    let program = wasm_bindgen().ok_or("wasm-bindgen of the version in Cargo.lock is missing")?;
+    let folder = target_folder().join("wasm-build");
+    let mut command = cargo(&["build", "--quiet", "--locked", "--profile", "wasm"]);
+    command.args(PACKAGE).arg("--target-dir").arg(&folder);
+    succeed(&mut command)?;
+    let module = folder.join(WASM_TARGET).join("wasm/subaperture_wasm.wasm");
+    let mut command = Command::new(program);
+    command.args(["--target", "web", "--no-typescript", "--out-dir"]);
+    succeed(command.arg(page()).arg(module))?;
+    let files = root().join("host/wasm/page");
+    let at = |error| format!("{}: {error}", files.display());
+    for entry in fs::read_dir(&files).map_err(at)? {
+        let entry = entry.map_err(at)?;
+        fs::copy(entry.path(), page().join(entry.file_name())).map_err(at)?;
+    }
+    println!("{}", page().join("index.html").display());
+    Ok(())
+}
+
+fn succeed(command: &mut Command) -> Result<(), String> {
+    let line = format!("{command:?}");
+    let output = (command.output()).map_err(|error| format!("cannot start {line}: {error}"))?;
+    match output.status.success() {
+        true => Ok(()),
+        false => Err(format!(
+            "failed: {line}\n{}",
+            String::from_utf8_lossy(&output.stderr)
+        )),
+    }
+}
+
+/// Lints of the package and of its dependencies' code for WebAssembly.
+pub(crate) fn clippy(runner: &mut Runner) {
+    let mut command = cargo(&["clippy", "--locked"]);
+    command.args(PACKAGE).arg("--target-dir");
+    command.arg(target_folder().join("wasm-build"));
+    command.args(["--package", "subaperture-kernels"]);
+    runner.check(
+        "clippy, WebAssembly",
+        command.args(["--", "-D", "warnings"]),
+    );
+}
