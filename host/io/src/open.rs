@@ -501,7 +501,9 @@ fn check_memory<P: AsRef<Path>>(
 /// First bytes of a file, enough to recognise every format.
 fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut start = Vec::new();
-    open_file(path)?.take(START_BYTES as u64).read_to_end(&mut start)?;
+    open_file(path)?
+        .take(START_BYTES as u64)
+        .read_to_end(&mut start)?;
     Ok(start)
 }
 

@@ -1,7 +1,8 @@
-//! Headless browser, driven by the WebDriver protocol (W3C) over plain HTTP. Also used by `tests/cli`.
+//! Headless browser, driven by the WebDriver protocol (W3C) over plain HTTP. Also used by `tests/cli` and `host/wasm/tests`.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -145,6 +146,20 @@ impl Browser {
             );
             std::thread::sleep(Duration::from_millis(30));
         }
+    }
+
+    /// Choose files in the file input `id`.
+    pub(crate) fn choose(&self, id: &str, paths: &[PathBuf]) {
+        let by_id = json!({ "using": "css selector", "value": format!("#{id}") });
+        let element = self.of_session("/element", &by_id);
+        let reference = element.as_object().and_then(|all| all.values().next());
+        let reference = reference.and_then(Value::as_str).unwrap();
+        let names: Vec<String> = paths
+            .iter()
+            .map(|path| path.display().to_string())
+            .collect();
+        let typed = json!({ "text": names.join("\n") });
+        self.of_session(&format!("/element/{reference}/value"), &typed);
     }
 
     pub(crate) fn press(&self, key: &str) {

@@ -12,7 +12,7 @@ function show(state, text) {
   $("files").disabled = busy;
 }
 
-// A worker of a blob inherits the page's content security policy; one of a file would not.
+// Start a worker and load the library. A worker of a blob inherits the page's content security policy; one of a file would not.
 function start() {
   const place = JSON.stringify(new URL("worker.js", location.href).href);
   const script = URL.createObjectURL(new Blob([`import ${place};`], { type: "text/javascript" }));
@@ -35,6 +35,8 @@ function start() {
     for (const { reject } of page.waiting.values()) reject(new Error(`the worker does not start: ${remedy}`));
     page.waiting.clear();
   };
+  // The fragment #simd128 selects the module without relaxed instructions.
+  return ask("load", { relaxed: location.hash !== "#simd128" });
 }
 
 function ask(task, about = {}) {
@@ -50,8 +52,7 @@ function restart() {
   page.worker.terminate();
   for (const { reject } of page.waiting.values()) reject(new Error("cancelled"));
   page.waiting.clear();
-  start();
-  return ask("load");
+  return start();
 }
 
 function warn(warnings) {
@@ -176,8 +177,7 @@ for (const name of ["dragover", "dragleave", "drop"]) {
   });
 }
 
-start();
-ask("load").then(
+start().then(
   ({ instructions }) => {
     $("instructions").textContent = instructions;
     show("empty", "choose a recording");

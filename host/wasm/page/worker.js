@@ -1,8 +1,16 @@
 // Opens recordings and forms images, so that the page stays responsive. The page ends a worker to cancel its work.
-import init, { Files } from "./subaperture_wasm.js";
+let Files = null, recording = null, image = null, reported = 0;
 
-const loaded = init();
-let recording = null, image = null, reported = 0;
+// A module of one relaxed instruction: whether the browser has them. Fused multiply-adds are among them.
+const RELAXED = [0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 15, 1, 13, 0, 65, 1, 253, 15, 65, 2, 253, 15, 253, 128, 2, 11];
+
+async function load(relaxed) {
+  const name = relaxed && WebAssembly.validate(new Uint8Array(RELAXED)) ? "relaxed" : "simd128";
+  const library = await import(`./${name}.js`);
+  await library.default();
+  Files = library.Files;
+  return { instructions: Files.instructions() };
+}
 
 // Called by the library with the finished fraction.
 globalThis.reportProgress = (fraction) => {
@@ -34,9 +42,8 @@ function focus(request, rangeDb) {
 }
 
 async function answer(message) {
-  await loaded;
   switch (message.task) {
-    case "load": return { instructions: Files.instructions() };
+    case "load": return load(message.relaxed);
     case "open": return open(message.files);
     case "focus": return focus(message.request, message.rangeDb);
     case "levels": return { levels: image.levels(message.rangeDb) };

@@ -79,7 +79,9 @@ impl Focused {
         let image = &self.image.image;
         let mut bytes = Vec::new();
         let size = npy::file_bytes(image.pixels.len() as u64) as usize;
-        bytes.try_reserve_exact(size).map_err(|error| error.to_string())?;
+        bytes
+            .try_reserve_exact(size)
+            .map_err(|error| error.to_string())?;
         npy::write_to(&mut bytes, image).map_err(|error| error.to_string())?;
         Ok(bytes)
     }

@@ -116,7 +116,10 @@ mod tests {
             pixels: [500, 500],
         };
         let error = grid.image_grid().unwrap_err();
-        assert!(error.contains("grid along y") && error.contains("NaN m"), "{error}");
+        assert!(
+            error.contains("grid along y") && error.contains("NaN m"),
+            "{error}"
+        );
         let mut request = Request {
             grid,
             former: "exact".to_owned(),

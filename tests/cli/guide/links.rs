@@ -9,6 +9,9 @@ use super::{Page, paths};
 /// Made by `cargo xtask guide`.
 const GENERATED: &str = "host/guide/src/reference/commands.md";
 
+/// Folder of the guide that `cargo xtask guide` copies from the page of WebAssembly.
+const PAGE: [&str; 2] = ["browser/", "host/wasm/page/"];
+
 /// Targets of `[text](target)` outside code, with the number of their line.
 fn links(text: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
@@ -45,7 +48,10 @@ fn every_link_leads_to_a_file() {
                 assert!(made, "{path}:{number}: no block makes {name}");
                 continue;
             }
-            let file = folder.join(target);
+            let file = match target.strip_prefix(PAGE[0]) {
+                Some(name) => Path::new(PAGE[1]).join(name),
+                None => folder.join(target),
+            };
             let is_generated = root().join(GENERATED) == clean(&root().join(&file));
             assert!(
                 is_generated || root().join(&file).exists(),

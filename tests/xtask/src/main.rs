@@ -215,7 +215,10 @@ fn test(runner: &mut Runner) -> Result<(), String> {
             Ok(()) => second.work("web page", wasm::build),
             Err(remedy) => {
                 eprintln!("{remedy}");
-                second.fail("web page", "let cargo reach crates.io, or install wasm-bindgen-cli");
+                second.fail(
+                    "web page",
+                    "let cargo reach crates.io, or install wasm-bindgen-cli",
+                );
             }
         }
         second

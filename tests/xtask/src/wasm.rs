@@ -1,7 +1,7 @@
 //! The web page that forms images: `cargo xtask wasm` writes `target/wasm`.
 //!
-//! The package `subaperture-wasm` is built for WebAssembly in a target folder of its own, wasm-bindgen's tool writes the module with its
-//! JavaScript, and the page's files are copied next to them.
+//! The package `subaperture-wasm` is built for WebAssembly in target folders of its own, wasm-bindgen's tool writes each module with its
+//! JavaScript, and the page's files are copied next to them. The page loads one of the modules.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,6 +12,13 @@ use subaperture_xtask::{root, target_folder};
 use crate::checks::cargo;
 use crate::prerequisites::{WASM_TARGET, wasm_bindgen};
 use crate::runner::Runner;
+
+/// Modules of the page, and the compiler's flags for them in place of those in `.cargo/config.toml`: a browser without relaxed
+/// instructions refuses a module that has them.
+const MODULES: [(&str, &str); 2] = [
+    ("simd128", "-C target-feature=+simd128"),
+    ("relaxed", "-C target-feature=+simd128,+relaxed-simd"),
+];
 
 const PACKAGE: [&str; 4] = ["--package", "subaperture-wasm", "--target", WASM_TARGET];
 
@@ -26,14 +33,25 @@ pub(crate) fn page() -> PathBuf {
 /// A command that failed, or a file that cannot be copied.
 pub(crate) fn build() -> Result<(), String> {
     let program = wasm_bindgen().ok_or("wasm-bindgen of the version in Cargo.lock is missing")?;
-    let folder = target_folder().join("wasm-build");
-    let mut command = cargo(&["build", "--quiet", "--locked", "--profile", "wasm"]);
-    command.args(PACKAGE).arg("--target-dir").arg(&folder);
-    succeed(&mut command)?;
-    let module = folder.join(WASM_TARGET).join("wasm/subaperture_wasm.wasm");
-    let mut command = Command::new(program);
-    command.args(["--target", "web", "--no-typescript", "--out-dir"]);
-    succeed(command.arg(page()).arg(module))?;
+    if page().exists() {
+        fs::remove_dir_all(page()).map_err(|error| format!("{}: {error}", page().display()))?;
+    }
+    for (name, flags) in MODULES {
+        let folder = target_folder().join("wasm-build").join(name);
+        let mut command = cargo(&["build", "--quiet", "--locked", "--profile", "wasm"]);
+        command.args(PACKAGE).arg("--target-dir").arg(&folder);
+        succeed(command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", flags))?;
+        let module = folder.join(WASM_TARGET).join("wasm/subaperture_wasm.wasm");
+        let mut command = Command::new(&program);
+        command.args([
+            "--target",
+            "web",
+            "--no-typescript",
+            "--remove-name-section",
+        ]);
+        command.args(["--out-name", name, "--out-dir"]);
+        succeed(command.arg(page()).arg(module))?;
+    }
     let files = root().join("host/wasm/page");
     let at = |error| format!("{}: {error}", files.display());
     for entry in fs::read_dir(&files).map_err(at)? {
@@ -60,7 +78,7 @@ fn succeed(command: &mut Command) -> Result<(), String> {
 pub(crate) fn clippy(runner: &mut Runner) {
     let mut command = cargo(&["clippy", "--locked"]);
     command.args(PACKAGE).arg("--target-dir");
-    command.arg(target_folder().join("wasm-build"));
+    command.arg(target_folder().join("wasm-build/simd128"));
     command.args(["--package", "subaperture-kernels"]);
     runner.check(
         "clippy, WebAssembly",

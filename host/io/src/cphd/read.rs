@@ -176,7 +176,8 @@ impl Cphd {
         channels: Option<&[S]>,
         memory_bytes: u64,
     ) -> Result<Vec<Self>, ReadError> {
-        let mut opened: Vec<Self> = open_several(Source::open(path.as_ref())?, channels, memory_bytes)?;
+        let mut opened: Vec<Self> =
+            open_several(Source::open(path.as_ref())?, channels, memory_bytes)?;
         // A vector left out of one channel is left out of all, so that pulses still correspond.
         let vectors = |one: &Self| one.channel().num_vectors;
         let shared = opened

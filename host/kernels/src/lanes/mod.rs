@@ -113,7 +113,7 @@ pub enum Instructions {
     #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
     Simd128,
     /// The same with fused multiply-adds, where the machine has them.
-    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
     Simd128Fused,
 }
 
@@ -130,10 +130,9 @@ impl Instructions {
         #[cfg(target_arch = "aarch64")]
         all.extend(Neon::new().map(|_| Self::Neon));
         #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-        {
-            all.push(Self::Simd128);
-            all.extend(Simd128::<true>::new().map(|_| Self::Simd128Fused));
-        }
+        all.push(Self::Simd128);
+        #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
+        all.extend(Simd128::<true>::new().map(|_| Self::Simd128Fused));
         all
     }
 
@@ -149,11 +148,12 @@ impl Instructions {
         if Neon::new().is_some() {
             return Self::Neon;
         }
+        #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
+        if Simd128::<true>::new().is_some() {
+            return Self::Simd128Fused;
+        }
         #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-        return match Simd128::<true>::new() {
-            Some(_) => Self::Simd128Fused,
-            None => Self::Simd128,
-        };
+        return Self::Simd128;
         #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
         Self::Portable
     }
@@ -170,7 +170,7 @@ impl Instructions {
             Self::Neon => "neon",
             #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
             Self::Simd128 => "simd128",
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
             Self::Simd128Fused => "simd128-fused",
         }
     }
@@ -206,7 +206,7 @@ impl Instructions {
             },
             #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
             Self::Simd128 => Simd128::<false>::new().run(kernel),
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
             Self::Simd128Fused => match Simd128::<true>::new() {
                 Some(lanes) => lanes.run(kernel),
                 None => kernel.run(Portable),

@@ -4,8 +4,8 @@
 //! float64. The second rounding, to float32, changes the result only where the sum lies on the midpoint of two float32 numbers or is below
 //! the smallest normal one; those are computed again by [`f32::mul_add`].
 //!
-//! With `FUSED` it takes `relaxed_madd`, which is fused or not by choice of the machine, the same throughout a run. The processor's choice
-//! is probed once, so that results are bit-identical in both.
+//! With `FUSED`, in modules compiled with relaxed instructions, it takes `relaxed_madd`. The machine decides whether that is fused, with the
+//! same result throughout a run. [`Simd128::new`] probes it, so that results are bit-identical in both.
 
 use std::arch::wasm32::*;
 
@@ -23,14 +23,16 @@ impl Simd128<false> {
     }
 }
 
+#[cfg(target_feature = "relaxed-simd")]
 impl Simd128<true> {
-    /// `None` where products are rounded before they are added, or where this module has no such instruction.
+    /// `None` where products are rounded before they are added.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         // The square is 1 + 2^-11 + 2^-24, of which float32 holds only the first two terms.
         let x = std::hint::black_box(1.0 + 1.0 / 4096.0);
-        let sum = relaxed(f32x4_splat(x), f32x4_splat(x), f32x4_splat(-1.0 - 1.0 / 2048.0));
-        (f32x4_extract_lane::<0>(sum) == 1.0 / 16_777_216.0).then_some(Self(()))
+        let [x, rounded] = [x, 1.0 + 1.0 / 2048.0].map(f32x4_splat);
+        let sum = f32x4_relaxed_nmadd(x, x, rounded);
+        (f32x4_extract_lane::<0>(sum) == -1.0 / 16_777_216.0).then_some(Self(()))
     }
 }
 
@@ -40,15 +42,6 @@ impl<const FUSED: bool> Simd128<FUSED> {
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         kernel.run(self)
     }
-}
-
-/// `a b + c`, rounded once or twice.
-#[inline(always)]
-fn relaxed(a: v128, b: v128, c: v128) -> v128 {
-    #[cfg(target_feature = "relaxed-simd")]
-    return f32x4_relaxed_madd(a, b, c);
-    #[cfg(not(target_feature = "relaxed-simd"))]
-    f32x4_add(f32x4_mul(a, b), c)
 }
 
 /// `a b + c` of the first two lanes in float64, where the product is exact.
@@ -171,7 +164,11 @@ impl<const FUSED: bool> Lanes for Simd128<FUSED> {
     }
     #[inline(always)]
     fn mul_add(self, a: v128, b: v128, c: v128) -> v128 {
-        if FUSED { relaxed(a, b, c) } else { fused(a, b, c) }
+        #[cfg(target_feature = "relaxed-simd")]
+        if FUSED {
+            return f32x4_relaxed_madd(a, b, c);
+        }
+        fused(a, b, c)
     }
     #[inline(always)]
     fn mul_sub(self, a: v128, b: v128, c: v128) -> v128 {
