@@ -148,8 +148,9 @@ impl Browser {
         }
     }
 
-    /// Choose files in the file input `id`.
+    /// Choose files in the file input `id`, in place of those chosen before.
     pub(crate) fn choose(&self, id: &str, paths: &[PathBuf]) {
+        self.run(&format!("document.getElementById({id:?}).value = ''"));
         let by_id = json!({ "using": "css selector", "value": format!("#{id}") });
         let element = self.of_session("/element", &by_id);
         let reference = element.as_object().and_then(|all| all.values().next());

@@ -163,6 +163,7 @@ pub(crate) fn oldest_rust(runner: &mut Runner) {
     command
         .args(["run", OLDEST_RUST, "cargo", "check", "--locked"])
         .args(["--package", "subaperture", "--package", "subap"])
+        .args(["--package", "subaperture-wasm"])
         .args(["--all-features", "--target-dir"])
         .arg(target_folder().join("oldest-rust"))
         .env_remove("CARGO")

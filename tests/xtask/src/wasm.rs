@@ -20,6 +20,9 @@ const MODULES: [(&str, &str); 2] = [
     ("relaxed", "-C target-feature=+simd128,+relaxed-simd"),
 ];
 
+/// Variable with the compiler's flags for WebAssembly.
+const FLAGS: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS";
+
 const PACKAGE: [&str; 4] = ["--package", "subaperture-wasm", "--target", WASM_TARGET];
 
 /// Folder of the complete page.
@@ -40,7 +43,7 @@ pub(crate) fn build() -> Result<(), String> {
         let folder = target_folder().join("wasm-build").join(name);
         let mut command = cargo(&["build", "--quiet", "--locked", "--profile", "wasm"]);
         command.args(PACKAGE).arg("--target-dir").arg(&folder);
-        succeed(command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", flags))?;
+        succeed(command.env(FLAGS, flags))?;
         let module = folder.join(WASM_TARGET).join("wasm/subaperture_wasm.wasm");
         let mut command = Command::new(&program);
         command.args([
@@ -78,7 +81,8 @@ fn succeed(command: &mut Command) -> Result<(), String> {
 pub(crate) fn clippy(runner: &mut Runner) {
     let mut command = cargo(&["clippy", "--locked"]);
     command.args(PACKAGE).arg("--target-dir");
-    command.arg(target_folder().join("wasm-build/simd128"));
+    command.arg(target_folder().join("wasm-build/relaxed"));
+    command.env(FLAGS, MODULES[1].1);
     command.args(["--package", "subaperture-kernels"]);
     runner.check(
         "clippy, WebAssembly",

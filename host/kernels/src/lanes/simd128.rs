@@ -30,8 +30,8 @@ impl Simd128<true> {
     pub(crate) fn new() -> Option<Self> {
         // The square is 1 + 2^-11 + 2^-24, of which float32 holds only the first two terms.
         let x = std::hint::black_box(1.0 + 1.0 / 4096.0);
-        let [x, rounded] = [x, 1.0 + 1.0 / 2048.0].map(f32x4_splat);
-        let sum = f32x4_relaxed_nmadd(x, x, rounded);
+        let x = f32x4_splat(x);
+        let sum = f32x4_relaxed_nmadd(x, x, f32x4_splat(1.0 + 1.0 / 2048.0));
         (f32x4_extract_lane::<0>(sum) == -1.0 / 16_777_216.0).then_some(Self(()))
     }
 }
