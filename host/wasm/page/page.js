@@ -27,7 +27,11 @@ function start() {
     const { resolve, reject } = waiting;
     page.waiting.delete(data.of);
     if (!("error" in data)) return resolve(data);
-    if (data.broken) restart();
+    if (data.broken) {
+      page.files = [];
+      page.worker.terminate();
+      start().catch(() => {});
+    }
     reject(new Error(data.error));
   };
   page.worker.onerror = () => {
@@ -47,12 +51,23 @@ function ask(task, about = {}) {
   });
 }
 
-// End the worker with all its work, and start a new one with the same files.
-function restart() {
+const CANCELLED = "cancelled";
+
+// End the worker with all its work, and open the same files in a new one.
+async function cancel() {
+  const files = page.files;
   page.worker.terminate();
-  for (const { reject } of page.waiting.values()) reject(new Error("cancelled"));
+  for (const { reject } of page.waiting.values()) reject(new Error(CANCELLED));
   page.waiting.clear();
-  return start();
+  show("opening", CANCELLED);
+  await start();
+  if (files.length > 0) await open(files);
+  else show("empty", "choose a recording");
+}
+
+// Show an error. The state after a cancellation is that of `cancel`.
+function fail(error) {
+  if (error.message !== CANCELLED) show("wrong", error.message);
 }
 
 function warn(warnings) {
@@ -81,7 +96,7 @@ async function open(files) {
     show("open", "ready");
   } catch (error) {
     $("facts").hidden = true;
-    show("wrong", error.message);
+    fail(error);
   }
 }
 
@@ -113,7 +128,7 @@ async function focus() {
     draw(levels);
     show("image", "image formed");
   } catch (error) {
-    show(error.message === "cancelled" ? "open" : "wrong", error.message);
+    fail(error);
   }
 }
 
@@ -155,12 +170,7 @@ $("settings").addEventListener("submit", (event) => { event.preventDefault(); fo
 $("range").addEventListener("input", redraw);
 $("save-npy").addEventListener("click", async () => save(new Blob([await npy()]), ".npy"));
 $("save-png").addEventListener("click", () => $("image").toBlob((blob) => save(blob, ".png")));
-$("cancel").addEventListener("click", async () => {
-  const files = page.files;
-  await restart();
-  await open(files);
-  if (files.length === 0) show("empty", "choose a recording");
-});
+$("cancel").addEventListener("click", () => cancel().catch(fail));
 $("image").addEventListener("pointermove", (event) => {
   const box = $("image").getBoundingClientRect(), { centre_m, size_m } = page.grid;
   const x = centre_m[0] + ((event.clientX - box.left) / box.width - 0.5) * size_m[0];
@@ -182,5 +192,5 @@ start().then(
     $("instructions").textContent = instructions;
     show("empty", "choose a recording");
   },
-  (error) => show("wrong", error.message),
+  fail,
 );

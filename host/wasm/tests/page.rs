@@ -43,7 +43,10 @@ fn wait(browser: &Browser, state: &str) {
     let found = browser.run("return document.body.dataset.state");
     if found != state {
         let text = browser.text("state");
-        panic!("expected {state}, found {found}: {text}; {:#?}", browser.console());
+        panic!(
+            "expected {state}, found {found}: {text}; {:#?}",
+            browser.console()
+        );
     }
 }
 
