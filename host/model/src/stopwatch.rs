@@ -4,7 +4,7 @@ use std::time::Duration;
 #[cfg(not(all(target_arch = "wasm32", target_os = "unknown")))]
 use std::time::Instant;
 
-/// Clock of some work. On `wasm32-unknown-unknown`, which has no clock, elapsed times are zero.
+/// Clock since its start. On `wasm32-unknown-unknown`, which has no clock, elapsed times are zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
     #[cfg(not(all(target_arch = "wasm32", target_os = "unknown")))]
@@ -12,7 +12,7 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Start the clock.
+    /// Start the clock of some work.
     #[must_use]
     pub fn start() -> Self {
         Self {

@@ -42,7 +42,7 @@ pub struct Files(recording::Files);
 
 #[wasm_bindgen]
 impl Files {
-    /// No files.
+    /// Empty list of files.
     #[wasm_bindgen(constructor)]
     pub fn new() -> Self {
         Self::default()
@@ -76,7 +76,7 @@ impl Files {
     }
 }
 
-/// Open recording.
+/// Recording opened from its files.
 #[wasm_bindgen]
 pub struct Recording(recording::Recording);
 
@@ -100,7 +100,7 @@ impl Recording {
     }
 }
 
-/// Formed image.
+/// Formed image with its record.
 #[wasm_bindgen]
 pub struct Focused(focused::Focused);
 

@@ -17,9 +17,9 @@ const COPIES_BYTES: u64 = 8 + 1 + 4;
 /// Share of pixels brighter than the upper level.
 const BRIGHTER: f64 = 0.001;
 
-/// Formed image.
+/// Formed image with its record.
 pub struct Focused {
-    /// The image with its record.
+    /// Pixels, grid, settings and warnings.
     pub image: FocusedImage,
 }
 

@@ -23,7 +23,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// No files.
+    /// Empty list of files.
     pub fn new() -> Self {
         Self::default()
     }
@@ -67,7 +67,7 @@ impl Files {
     }
 }
 
-/// Open recording.
+/// Recording opened from its files.
 pub struct Recording {
     pub(crate) history: Joined,
 }
@@ -77,7 +77,7 @@ pub struct Recording {
 pub struct Summary {
     /// Name of the collection.
     pub name: String,
-    /// Number of pulses.
+    /// Number of pulses of all files.
     pub pulses: usize,
     /// Frequency samples per pulse.
     pub samples: usize,

@@ -62,7 +62,7 @@ impl Grid {
     }
 }
 
-/// Image to form.
+/// Settings of the image to form.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Request {
     /// Positions of the pixels.

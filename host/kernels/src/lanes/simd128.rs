@@ -28,7 +28,7 @@ impl Simd128<true> {
     /// `None` where products are rounded before they are added.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
-        // The square is 1 + 2^-11 + 2^-24, of which float32 holds only the first two terms.
+        // The square is 1 + 2^-11 + 2^-24; float32 holds only the first two terms.
         let x = std::hint::black_box(1.0 + 1.0 / 4096.0);
         let x = f32x4_splat(x);
         let sum = f32x4_relaxed_nmadd(x, x, f32x4_splat(1.0 + 1.0 / 2048.0));
