@@ -8,7 +8,7 @@ use subaperture::monitor::Monitor;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::{FocusedImage, Focusing};
 
-use crate::recording::MEMORY_BYTES;
+use crate::memory::MEMORY_BYTES;
 use crate::request::Request;
 
 /// Memory of copies of a pixel: `.npy`, levels and powers, the first two in WebAssembly and in JavaScript.

@@ -10,10 +10,8 @@ use subaperture::phase_history::{Joined, PhaseHistory};
 use subaperture::resolution::survey::Survey;
 
 use crate::focused::Focused;
+use crate::memory::MEMORY_BYTES;
 use crate::request::{Grid, Request};
-
-/// Maximum memory of recording, image and scratch, bytes: half of the address space, which also holds copies for JavaScript.
-pub const MEMORY_BYTES: u64 = 2 << 30;
 
 /// Files of one aperture, added one after another.
 #[derive(Default)]

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use subaperture::monitor::Silent;
-use subaperture_wasm::recording::{Files, MEMORY_BYTES, Recording};
+use subaperture_wasm::memory::MEMORY_BYTES;
+use subaperture_wasm::recording::{Files, Recording};
 
 use crate::input::{by_library, gotcha, request, write_cphd, write_npz};
 

@@ -174,6 +174,29 @@ fn module_without_relaxed_instructions_has_the_same_bits() {
     }
 }
 
+/// The tests of the kernels' lanes, of each operation against scalar arithmetic. A failed test ends the module by a trap.
+#[test]
+fn lanes_pass_their_tests() {
+    let folder = target_folder().join("wasm-tests");
+    if !folder.exists() {
+        println!("skipped: {} not found: run cargo xtask wasm", folder.display());
+        return;
+    }
+    let Some(browser) = Browser::start(800, 600) else {
+        println!("skipped: chromium or chromedriver not found");
+        return;
+    };
+    let server = Server::start(&folder);
+    // A page that is not found has the origin too.
+    browser.open(&format!("http://127.0.0.1:{}/", server.port));
+    for name in ["simd128", "relaxed"] {
+        let status = browser.run(&format!(
+            "return WebAssembly.instantiateStreaming(fetch('{name}.wasm')).then(({{ instance }}) => instance.exports.main(0, 0)).catch(String)"
+        ));
+        assert_eq!(status, 0, "{name}");
+    }
+}
+
 #[test]
 fn other_origins_cannot_be_reached() {
     let Some((_server, browser)) = page("") else {

@@ -144,6 +144,7 @@ fn main() -> ExitCode {
         ["wasm"] => ensure(&WASM, Talk::Shown).map(|()| {
             wasm::clippy(&mut runner);
             runner.work("web page", wasm::build);
+            runner.work("kernels' tests for WebAssembly", wasm::build_tests);
         }),
         ["guide"] => ensure(&[&[Need::Mdbook][..], &WASM].concat(), Talk::Shown).map(|()| {
             runner.work("web page", wasm::build);
@@ -212,7 +213,10 @@ fn test(runner: &mut Runner) -> Result<(), String> {
         checks::platforms(&mut second);
         wasm::clippy(&mut second);
         match ensure(&[Need::WasmBindgen], Talk::OfFailure) {
-            Ok(()) => second.work("web page", wasm::build),
+            Ok(()) => {
+                second.work("web page", wasm::build);
+                second.work("kernels' tests for WebAssembly", wasm::build_tests);
+            }
             Err(remedy) => {
                 eprintln!("{remedy}");
                 second.fail(

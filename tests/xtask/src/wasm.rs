@@ -5,7 +5,7 @@
 
 use std::fs;
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use subaperture_xtask::{root, target_folder};
 
@@ -24,6 +24,37 @@ const MODULES: [(&str, &str); 2] = [
 const FLAGS: &str = "CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS";
 
 const PACKAGE: [&str; 4] = ["--package", "subaperture-wasm", "--target", WASM_TARGET];
+
+/// Folder of the kernels' tests, which run in a browser.
+fn tests() -> PathBuf {
+    target_folder().join("wasm-tests")
+}
+
+/// Build the tests of the kernels' lanes for both modules' instructions: `host/wasm/tests/page.rs` runs them.
+///
+/// # Errors
+/// A command that failed, or a file that cannot be copied.
+pub(crate) fn build_tests() -> Result<(), String> {
+    let at = |error| format!("{}: {error}", tests().display());
+    fs::create_dir_all(tests()).map_err(at)?;
+    for (name, flags) in MODULES {
+        let mut command = cargo(&["test", "--no-run", "--locked", "--lib"]);
+        command.args(["--package", "subaperture-kernels", "--target", WASM_TARGET]);
+        command.args(["--target-dir"]);
+        command.arg(target_folder().join("wasm-build").join(name));
+        command.args(["--message-format", "json-render-diagnostics"]);
+        let output = command.env(FLAGS, flags).stderr(Stdio::inherit()).output();
+        let output = output.map_err(|error| format!("cargo does not start: {error}"))?;
+        let lines = String::from_utf8_lossy(&output.stdout);
+        let messages = lines.lines().filter_map(|line| serde_json::from_str(line).ok());
+        let module = messages
+            .filter_map(|message: serde_json::Value| message["executable"].as_str().map(PathBuf::from))
+            .next_back()
+            .ok_or("the kernels' tests do not build for WebAssembly")?;
+        fs::copy(module, tests().join(format!("{name}.wasm"))).map_err(at)?;
+    }
+    Ok(())
+}
 
 /// Folder of the complete page.
 pub(crate) fn page() -> PathBuf {
