@@ -179,7 +179,10 @@ fn module_without_relaxed_instructions_has_the_same_bits() {
 fn lanes_pass_their_tests() {
     let folder = target_folder().join("wasm-tests");
     if !folder.exists() {
-        println!("skipped: {} not found: run cargo xtask wasm", folder.display());
+        println!(
+            "skipped: {} not found: run cargo xtask wasm",
+            folder.display()
+        );
         return;
     }
     let Some(browser) = Browser::start(800, 600) else {

@@ -50,7 +50,7 @@ fn answer(mut stream: &TcpStream, folder: &Path, seen: &Mutex<Vec<String>>) {
     };
     let (status, body) = match std::fs::read(&file) {
         Ok(body) if !name.contains('/') => ("200 OK", body),
-        _ => ("404 Not Found", Vec::new()),
+        _ => ("404 Not Found", b"not found".to_vec()),
     };
     let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",

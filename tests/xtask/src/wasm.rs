@@ -43,12 +43,21 @@ pub(crate) fn build_tests() -> Result<(), String> {
         command.args(["--target-dir"]);
         command.arg(target_folder().join("wasm-build").join(name));
         command.args(["--message-format", "json-render-diagnostics"]);
+        // These tests do not run the transforms, so dependencies are not optimised.
+        for package in ["\"*\"", "subaperture-fft", "subaperture-signal"] {
+            let setting = format!("profile.dev.package.{package}.opt-level=0");
+            command.args(["--config", &setting]);
+        }
         let output = command.env(FLAGS, flags).stderr(Stdio::inherit()).output();
         let output = output.map_err(|error| format!("cargo does not start: {error}"))?;
         let lines = String::from_utf8_lossy(&output.stdout);
-        let messages = lines.lines().filter_map(|line| serde_json::from_str(line).ok());
+        let messages = lines
+            .lines()
+            .filter_map(|line| serde_json::from_str(line).ok());
         let module = messages
-            .filter_map(|message: serde_json::Value| message["executable"].as_str().map(PathBuf::from))
+            .filter_map(|message: serde_json::Value| {
+                message["executable"].as_str().map(PathBuf::from)
+            })
             .next_back()
             .ok_or("the kernels' tests do not build for WebAssembly")?;
         fs::copy(module, tests().join(format!("{name}.wasm"))).map_err(at)?;
