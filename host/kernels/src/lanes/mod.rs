@@ -13,6 +13,7 @@ mod avx2;
 mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+#[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
 mod portable;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 mod simd128;
@@ -25,6 +26,7 @@ pub(crate) use avx2::Avx2;
 pub(crate) use avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 pub(crate) use neon::Neon;
+#[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
 pub(crate) use portable::Portable;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 pub(crate) use simd128::Simd128;
@@ -98,7 +100,7 @@ pub(crate) trait Lanes: Copy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Instructions {
-    /// Baseline instructions of the target.
+    /// Baseline instructions of the target. In WebAssembly with simd128 these are its vectors.
     Portable,
     /// AVX2 and FMA, 8 lanes.
     #[cfg(target_arch = "x86_64")]
@@ -188,7 +190,10 @@ impl Instructions {
     /// Run `kernel` in these instructions, or portably where this processor lacks them.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
+            #[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
             Self::Portable => kernel.run(Portable),
+            #[cfg(all(not(test), target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Portable => Simd128::<false>::new().run(kernel),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => match Avx2::new() {
                 Some(lanes) => lanes.run(kernel),
@@ -209,7 +214,7 @@ impl Instructions {
             #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
             Self::Simd128Fused => match Simd128::<true>::new() {
                 Some(lanes) => lanes.run(kernel),
-                None => kernel.run(Portable),
+                None => Simd128::<false>::new().run(kernel),
             },
         }
     }
