@@ -9,6 +9,8 @@ async function load(relaxed) {
   const library = await import(`./${name}.js`);
   await library.default();
   Files = library.Files;
+  // The machine has relaxed instructions that are not fused.
+  if (Files.instructions() === "portable") return load(false);
   return { instructions: Files.instructions() };
 }
 

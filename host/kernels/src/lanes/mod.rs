@@ -13,7 +13,12 @@ mod avx2;
 mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
-#[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
+#[cfg(not(all(
+    target_arch = "wasm32",
+    target_feature = "simd128",
+    not(target_feature = "relaxed-simd"),
+    not(test)
+)))]
 mod portable;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 mod simd128;
@@ -26,7 +31,12 @@ pub(crate) use avx2::Avx2;
 pub(crate) use avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 pub(crate) use neon::Neon;
-#[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
+#[cfg(not(all(
+    target_arch = "wasm32",
+    target_feature = "simd128",
+    not(target_feature = "relaxed-simd"),
+    not(test)
+)))]
 pub(crate) use portable::Portable;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 pub(crate) use simd128::Simd128;
@@ -112,7 +122,11 @@ pub enum Instructions {
     #[cfg(target_arch = "aarch64")]
     Neon,
     /// WebAssembly's 128-bit instructions, 4 lanes, with products added in float64.
-    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    #[cfg(all(
+        target_arch = "wasm32",
+        target_feature = "simd128",
+        any(test, not(target_feature = "relaxed-simd"))
+    ))]
     Simd128,
     /// The same with fused multiply-adds, where the machine has them.
     #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
@@ -131,7 +145,11 @@ impl Instructions {
         }
         #[cfg(target_arch = "aarch64")]
         all.extend(Neon::new().map(|_| Self::Neon));
-        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        #[cfg(all(
+            target_arch = "wasm32",
+            target_feature = "simd128",
+            any(test, not(target_feature = "relaxed-simd"))
+        ))]
         all.push(Self::Simd128);
         #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
         all.extend(Simd128::<true>::new().map(|_| Self::Simd128Fused));
@@ -154,9 +172,17 @@ impl Instructions {
         if Simd128::<true>::new().is_some() {
             return Self::Simd128Fused;
         }
-        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        #[cfg(all(
+            target_arch = "wasm32",
+            target_feature = "simd128",
+            not(target_feature = "relaxed-simd")
+        ))]
         return Self::Simd128;
-        #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
+        #[cfg(not(all(
+            target_arch = "wasm32",
+            target_feature = "simd128",
+            not(target_feature = "relaxed-simd")
+        )))]
         Self::Portable
     }
 
@@ -170,7 +196,11 @@ impl Instructions {
             Self::Avx512 => "avx512",
             #[cfg(target_arch = "aarch64")]
             Self::Neon => "neon",
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            #[cfg(all(
+                target_arch = "wasm32",
+                target_feature = "simd128",
+                any(test, not(target_feature = "relaxed-simd"))
+            ))]
             Self::Simd128 => "simd128",
             #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
             Self::Simd128Fused => "simd128-fused",
@@ -190,9 +220,19 @@ impl Instructions {
     /// Run `kernel` in these instructions, or portably where this processor lacks them.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
-            #[cfg(any(test, not(all(target_arch = "wasm32", target_feature = "simd128"))))]
+            #[cfg(not(all(
+                target_arch = "wasm32",
+                target_feature = "simd128",
+                not(target_feature = "relaxed-simd"),
+                not(test)
+            )))]
             Self::Portable => kernel.run(Portable),
-            #[cfg(all(not(test), target_arch = "wasm32", target_feature = "simd128"))]
+            #[cfg(all(
+                target_arch = "wasm32",
+                target_feature = "simd128",
+                not(target_feature = "relaxed-simd"),
+                not(test)
+            ))]
             Self::Portable => Simd128::<false>::new().run(kernel),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => match Avx2::new() {
@@ -209,12 +249,16 @@ impl Instructions {
                 Some(lanes) => lanes.run(kernel),
                 None => kernel.run(Portable),
             },
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            #[cfg(all(
+                target_arch = "wasm32",
+                target_feature = "simd128",
+                any(test, not(target_feature = "relaxed-simd"))
+            ))]
             Self::Simd128 => Simd128::<false>::new().run(kernel),
             #[cfg(all(target_arch = "wasm32", target_feature = "relaxed-simd"))]
             Self::Simd128Fused => match Simd128::<true>::new() {
                 Some(lanes) => lanes.run(kernel),
-                None => Simd128::<false>::new().run(kernel),
+                None => kernel.run(Portable),
             },
         }
     }

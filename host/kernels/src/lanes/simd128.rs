@@ -5,7 +5,8 @@
 //! the smallest normal one; those are computed again by [`f32::mul_add`].
 //!
 //! With `FUSED`, in modules compiled with relaxed instructions, it takes `relaxed_madd`. The machine decides whether that is fused, with the
-//! same result throughout a run. [`Simd128::new`] probes it, so that results are bit-identical in both.
+//! same result throughout a run. [`Simd128::new`] probes it, and plain Rust takes its place where it is not, so that results are bit-identical.
+//! Such a module has no lanes without `FUSED`, which take as long to compile as all others: the web page loads the other module instead.
 
 use std::arch::wasm32::*;
 
@@ -15,6 +16,7 @@ use super::{Kernel, Lanes};
 #[derive(Clone, Copy)]
 pub(crate) struct Simd128<const FUSED: bool>(());
 
+#[cfg(any(test, not(target_feature = "relaxed-simd")))]
 impl Simd128<false> {
     /// A module with these instructions is loaded only where they exist.
     #[inline]
