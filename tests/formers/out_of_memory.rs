@@ -139,7 +139,7 @@ fn pulses_read_are_as_stated() {
     assert!(several, "every recording was read once");
 }
 
-/// 107 GB of samples, simulated as they are read, in 2 GiB.
+/// 107 GB of samples, simulated when read, in 2 GiB.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn recording_of_100_gigabytes_is_focused_in_two() {

@@ -23,7 +23,7 @@ use num_complex::{Complex32, Complex64};
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::phasor::phasors;
 
-/// Delays evaluated together.
+/// Number of delays evaluated together.
 pub const TOGETHER: usize = 4 * GROUP;
 /// Relative RMS error, for samples that add with random phase.
 pub const RMS: f64 = 4e-7;

@@ -106,7 +106,7 @@ struct OfLevel<'a> {
     threshold: f64,
 }
 
-/// Partial statistics.
+/// Statistics of every [`PARTS`]-th power.
 struct Partial {
     all: [f64; PARTS],
     weak: [f64; PARTS],
@@ -119,24 +119,20 @@ impl Partial {
     #[inline(always)]
     fn add(&mut self, powers: &[f64; PARTS], threshold: f64) {
         let mut is_weak = [0.0; PARTS];
-        for i in 0..PARTS {
-            is_weak[i] = if powers[i] <= threshold { 1.0 } else { 0.0 };
+        for (is_weak, &power) in is_weak.iter_mut().zip(powers) {
+            *is_weak = if power <= threshold { 1.0 } else { 0.0 };
         }
-        for i in 0..PARTS {
-            self.all[i] += powers[i];
+        for (sum, &power) in self.all.iter_mut().zip(powers) {
+            *sum += power;
         }
-        for i in 0..PARTS {
-            self.weak[i] += is_weak[i] * powers[i];
+        for ((sum, &power), &is_weak) in self.weak.iter_mut().zip(powers).zip(&is_weak) {
+            *sum += is_weak * power;
         }
-        for i in 0..PARTS {
-            self.count[i] += is_weak[i];
+        for (sum, &is_weak) in self.count.iter_mut().zip(&is_weak) {
+            *sum += is_weak;
         }
-        for i in 0..PARTS {
-            self.peak[i] = if powers[i] > self.peak[i] {
-                powers[i]
-            } else {
-                self.peak[i]
-            };
+        for (most, &power) in self.peak.iter_mut().zip(powers) {
+            *most = if power > *most { power } else { *most };
         }
     }
 }

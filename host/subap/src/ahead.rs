@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use subaperture::focus::forecast::Forecast;
-use subaperture::focus::{FormError, ImageFormer, Plan, Task};
+use subaperture::focus::{Cost, FormError, ImageFormer, Plan, Task};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::npy;
 use subaperture::phase_history::PhaseHistory;
@@ -37,30 +37,22 @@ pub(crate) struct Ahead {
 }
 
 impl Ahead {
-    /// Cost of an image of `plan` by `former` in the folder `out`, formed in memory as a `whole` or tile by tile. The time is measured for long work and in every dry run.
+    /// Cost of an image by `former` in the folder `out`; `cost` is that of its plan. The time is measured for long work and in every dry run.
     pub(crate) fn of_image(
         session: &Session,
         rehearsal: &Rehearsal,
-        (former, plan): (&dyn ImageFormer, &Plan),
+        (former, cost): (&dyn ImageFormer, &Cost),
         task: &Task,
-        whole: bool,
         out: &Path,
     ) -> Result<Self, FormError> {
-        let (grid, cost, collection) = (task.grid, &plan.cost, task.history.collection());
-        let pulses = collection.pulses.len();
+        let (grid, pulses) = (task.grid, task.history.collection().pulses.len());
         let pixels = grid.num_pixels();
         let many = MANY_OPERATIONS * session.threads as f64;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
-        let mut read_bytes = None;
         if rehearsal.dry_run || operations(task, cost) > many {
             time = forecast_of(former, task, cost)?;
             let held_bytes = buffers_bytes.saturating_add(cost.bytes(1.0));
             buffers_bytes = held_bytes.min(task.memory_bytes);
-            if task.history.samples_in_memory(0..0).is_none() {
-                let pulse_bytes = 8 * collection.num_samples as u64;
-                let pulses_read = plan.pulses_read(former, task, whole)?;
-                read_bytes = Some([pulses_read, pulses as u64].map(|count| count * pulse_bytes));
-            }
         }
         Ok(Self {
             work: format!(
@@ -70,12 +62,29 @@ impl Ahead {
                 former.name()
             ),
             time,
-            read_bytes,
+            read_bytes: None,
             memory_bytes: session.memory.own_bytes_for(pixels)
                 + task.history.held_bytes()
                 + buffers_bytes,
             disk: vec![(out.to_owned(), npy::file_bytes(pixels))],
         })
+    }
+
+    /// Add the samples that are read to form the image of `plan`, in memory as a `whole` or tile by tile.
+    pub(crate) fn with_reading(
+        mut self,
+        (former, plan): (&dyn ImageFormer, &Plan),
+        task: &Task,
+        whole: bool,
+    ) -> Result<Self, FormError> {
+        if task.history.samples_in_memory(0..0).is_none() {
+            let collection = task.history.collection();
+            let pulse_bytes = 8 * collection.num_samples as u64;
+            let pulses_read = plan.pulses_read(former, task, whole)?;
+            let each = [pulses_read, collection.pulses.len() as u64];
+            self.read_bytes = Some(each.map(|count| count * pulse_bytes));
+        }
+        Ok(self)
     }
 
     /// Cost of `work`, which needs so many bytes in addition to the program itself and writes so many to each path of `disk`.

@@ -299,7 +299,7 @@ const LARGEST_BREADTH: u64 = 5 << 20;
 struct Arrangement {
     roots: Vec<Node>,
     reading: Reading,
-    /// Remaining memory.
+    /// Memory that remains for the histories of threads.
     budget: Budget,
 }
 

@@ -4,7 +4,7 @@
 //! as it takes. It waits for the profile of a sweep before it sends the next; the module runs `core::sweep`. Samples never taken
 //! are not sent and count as missing by the same rule as on the host. Losses on the line are detected, since a profile states
 //! the number of its samples: the sweep is sent again. A profile that is not received completely is requested again, at growing
-//! intervals. The module reports its status after each [`REPORTED`] samples, so that a slow line is distinguished from a stuck module.
+//! intervals. The module reports its status after every 2048 samples, so that a slow line is distinguished from a stuck module.
 //!
 //! **Output**: [`Profile`]s in the order of sweeps as they arrive; see [`subaperture_core::sweep`] for their
 //! definition and what they neglect. **Memory**: a burst and a profile. **Errors**: [`LinkError`]; earlier profiles

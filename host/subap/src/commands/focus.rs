@@ -203,7 +203,11 @@ fn announce(
         ..*task
     };
     let rehearsal = &typed.rehearsal;
-    let ahead = Ahead::of_image(session, rehearsal, (former, plan), &task, whole, &typed.out)?;
+    let cost = (former, &plan.cost);
+    let mut ahead = Ahead::of_image(session, rehearsal, cost, &task, &typed.out)?;
+    if rehearsal.dry_run {
+        ahead = ahead.with_reading((former, plan), &task, whole)?;
+    }
     progress.finish();
     ahead.announce(session, rehearsal)
 }
