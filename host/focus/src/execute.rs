@@ -131,6 +131,27 @@ pub(super) fn in_memory<F: ImageFormer + ?Sized>(
 }
 
 impl Plan {
+    /// Number of pulses that are read to form the image: `whole` by [`Self::form`], else in passes of as many tiles as memory allows. A pulse that
+    /// is read twice counts twice. The comparison of the image with the exact sum reads all pulses once more, unless the first comparison settles
+    /// that the bound is kept.
+    ///
+    /// # Errors
+    /// [`FormError::Choices`]; [`FormError::Memory`].
+    pub fn pulses_read<F: ImageFormer + ?Sized>(
+        &self,
+        former: &F,
+        task: &Task,
+        whole: bool,
+    ) -> Result<u64, FormError> {
+        let plan = match whole {
+            true => Cow::Owned(self.in_one_tile()),
+            false => Cow::Borrowed(self),
+        };
+        let indices: Vec<usize> = (0..plan.num_tiles()).collect();
+        let opened = Opened::new(former, &plan, task.spec())?;
+        opened.pulses_read(&task.work(), &indices, usize::MAX)
+    }
+
     /// Form the image of the plan in memory. `task` must have the geometry, grid and weights that `former` made the plan for.
     ///
     /// # Errors

@@ -12,8 +12,6 @@
 //! that exceeds its bound, [`Plan::for_less`] makes another plan of the same image with a smaller planned error.
 //! [`super::Execution`] does all of this.
 
-use std::borrow::Cow;
-
 use serde::{Deserialize, Serialize};
 
 use super::accuracy;
@@ -23,11 +21,10 @@ use super::error::UnknownFormer;
 pub use super::fingerprint::Fingerprint;
 use super::former_choices::FormerChoices;
 use super::goal::{BoundPolicy, ErrorGoal, misses};
-use super::opened::Opened;
 use super::patch::PatchSize;
 pub use super::sink::{ImageSink, InMemory, Sink};
 use super::time_model::{TimeModel, TimeModelError};
-use super::{FormError, ImageFormer, ImageSpec, Numerics, Task, Tile, Transforms};
+use super::{FormError, ImageFormer, ImageSpec, Numerics, Tile, Transforms};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Tiling;
 use subaperture_model::monitor::Monitor;
@@ -269,27 +266,6 @@ impl Plan {
             tile,
             recording: Fingerprint::of(collection),
         })
-    }
-
-    /// Number of pulses that are read to form the image: `whole` by [`Self::form`], else in passes of as many tiles as memory allows. A pulse that
-    /// is read twice counts twice. The comparison of the image with the exact sum reads all pulses once more, unless the first comparison settles
-    /// that the bound is kept.
-    ///
-    /// # Errors
-    /// [`FormError::Choices`]; [`FormError::Memory`].
-    pub fn pulses_read<F: ImageFormer + ?Sized>(
-        &self,
-        former: &F,
-        task: &Task,
-        whole: bool,
-    ) -> Result<u64, FormError> {
-        let plan = match whole {
-            true => Cow::Owned(self.in_one_tile()),
-            false => Cow::Borrowed(self),
-        };
-        let indices: Vec<usize> = (0..plan.num_tiles()).collect();
-        let opened = Opened::new(former, &plan, task.spec())?;
-        opened.pulses_read(&task.work(), &indices, usize::MAX)
     }
 
     /// The same plan with the whole image as its only tile.
