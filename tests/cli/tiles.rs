@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture::io::claim::OutputClaims;
 use subaperture_tests::subap::{command, listing, run};
 
 /// A straight track that every former accepts.
@@ -460,4 +461,36 @@ fn dark_tiled_image_is_planned_again_for_smaller_error() {
         "focus a.cphd --plan whole/image.zarr/plan.json --tiles 1/2 -o half",
     )
     .succeeded();
+}
+
+/// A process that creates the tiles keeps others waiting while its disk is slow.
+#[test]
+fn plan_waits_for_tiles_that_another_process_creates() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("scene.toml"), SCENE).unwrap();
+    run(at, "simulate scene.toml -o scene.cphd").succeeded();
+    run(
+        at,
+        "plan focus scene.cphd --grid x=-40:40:1,y=-40:40:1 -o plan.json",
+    )
+    .succeeded();
+    fs::create_dir(at.join("large")).unwrap();
+    let mut creating = OutputClaims::new::<&Path>(&[], false);
+    let store = at.join("large/image.zarr");
+    creating.folder(&store, ["zarr.json"]).unwrap();
+    let waiting = command(
+        at,
+        ["focus", "scene.cphd", "--plan", "plan.json", "-o", "large"],
+    )
+    .stderr(Stdio::piped())
+    .spawn()
+    .unwrap();
+    sleep(Duration::from_secs(1));
+    assert!(!store.join("zarr.json").exists());
+    drop(creating);
+    let ended = waiting.wait_with_output().unwrap();
+    let errors = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success(), "{errors}");
+    assert!(at.join("large/image.json").exists(), "{errors}");
 }

@@ -11,7 +11,8 @@
 //! measures the error of the image. [`Execution`] forms tiles, measures errors and replans; `sinks.rs` stores the tiles.
 
 use std::path::Path;
-use std::time::Instant;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use serde_json::Value;
@@ -24,6 +25,7 @@ use subaperture::focus::{
 };
 use subaperture::geometry::ImageGrid;
 use subaperture::image::ImageSource;
+use subaperture::io::atomic::WriteError;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::input::open_file;
 use subaperture::io::json::{self, JsonError};
@@ -43,6 +45,9 @@ use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{stages, text};
+
+/// Time limit for the creation of a store by another process.
+const CREATION: Duration = Duration::from_secs(10);
 
 /// Form the missing tiles of the requested part in a store.
 pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -280,13 +285,26 @@ impl InParts<'_> {
             _ => {}
         }
         let text = plan.to_text();
-        match TileStore::create(&typed.out, plan.tiling(), &text) {
-            Ok(store) => Ok((store, plan.clone())),
-            // Another process has created the store in the meantime.
-            Err(error) => match TileStore::open(&typed.out) {
-                Ok(Some(store)) if goes_on && store.plan() == text => Ok((store, plan.clone())),
-                _ => Err(error.into()),
-            },
+        let begun = Instant::now();
+        loop {
+            let error = match TileStore::create(&typed.out, plan.tiling(), &text) {
+                Ok(store) => return Ok((store, plan.clone())),
+                Err(error) => error,
+            };
+            let is_locked = matches!(error, WriteError::Locked { .. });
+            match TileStore::open(&typed.out) {
+                // Another process has created the store in the meantime.
+                Ok(Some(store))
+                    if goes_on && store.plan() == text && store.tiling() == plan.tiling() =>
+                {
+                    return Ok((store, plan.clone()));
+                }
+                // Another process creates the store.
+                Ok(None) if goes_on && is_locked && begun.elapsed() < CREATION => {
+                    thread::sleep(CREATION / 500);
+                }
+                _ => return Err(error.into()),
+            }
         }
     }
 
