@@ -98,76 +98,46 @@ impl Level {
     }
 }
 
-/// Partial sums: so many that the compiler makes vectors of their loops.
-const PARTS: usize = 64;
+/// Partial sums, which the compiler keeps in vectors.
+const PARTS: usize = 32;
 
 struct OfLevel<'a> {
     powers: &'a [f64],
     threshold: f64,
 }
 
-/// Statistics of every [`PARTS`]-th power.
-struct Partial {
-    all: [f64; PARTS],
-    weak: [f64; PARTS],
-    count: [f64; PARTS],
-    peak: [f64; PARTS],
-}
-
-impl Partial {
-    /// One loop per statistic: the compiler vectorises each.
-    #[inline(always)]
-    fn add(&mut self, powers: &[f64; PARTS], threshold: f64) {
-        let mut is_weak = [0.0; PARTS];
-        for (is_weak, &power) in is_weak.iter_mut().zip(powers) {
-            *is_weak = if power <= threshold { 1.0 } else { 0.0 };
-        }
-        for (sum, &power) in self.all.iter_mut().zip(powers) {
-            *sum += power;
-        }
-        for ((sum, &power), &is_weak) in self.weak.iter_mut().zip(powers).zip(&is_weak) {
-            *sum += is_weak * power;
-        }
-        for (sum, &is_weak) in self.count.iter_mut().zip(&is_weak) {
-            *sum += is_weak;
-        }
-        for (most, &power) in self.peak.iter_mut().zip(powers) {
-            *most = if power > *most { power } else { *most };
+/// Combine every [`PARTS`]-th power, from 0 on.
+#[inline(always)]
+fn combined(powers: &[f64], with: impl Fn(f64, f64) -> f64) -> [f64; PARTS] {
+    let mut parts = [0.0; PARTS];
+    let (chunks, rest) = powers.as_chunks::<PARTS>();
+    for chunk in chunks {
+        for (part, &power) in parts.iter_mut().zip(chunk) {
+            *part = with(*part, power);
         }
     }
+    for (part, &power) in parts.iter_mut().zip(rest) {
+        *part = with(*part, power);
+    }
+    parts
 }
 
 impl Kernel for OfLevel<'_> {
     type Output = Level;
 
+    /// One pass per statistic: the compiler does not vectorise them together.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> Level {
-        let mut sums = Partial {
-            all: [0.0; PARTS],
-            weak: [0.0; PARTS],
-            count: [0.0; PARTS],
-            peak: [0.0; PARTS],
-        };
-        let (chunks, rest) = self.powers.as_chunks::<PARTS>();
-        for chunk in chunks {
-            sums.add(chunk, self.threshold);
+        let Self { powers, threshold } = self;
+        let sum = |parts: [f64; PARTS]| parts.iter().sum();
+        let weak = |power: f64, value: f64| if power <= threshold { value } else { 0.0 };
+        let most = |most: f64, power: f64| if power > most { power } else { most };
+        Level {
+            all: sum(combined(powers, |sum, power| sum + power)),
+            weak: sum(combined(powers, |sum, power| sum + weak(power, power))),
+            count: sum(combined(powers, |sum, power| sum + weak(power, 1.0))),
+            peak: combined(powers, most).into_iter().fold(0.0, f64::max),
         }
-        let mut level = Level {
-            all: sums.all.iter().sum(),
-            weak: sums.weak.iter().sum(),
-            count: sums.count.iter().sum(),
-            peak: sums.peak.iter().copied().fold(0.0, f64::max),
-        };
-        for &power in rest {
-            let is_weak = power <= self.threshold;
-            level.add(&Level {
-                all: power,
-                weak: if is_weak { power } else { 0.0 },
-                count: if is_weak { 1.0 } else { 0.0 },
-                peak: power,
-            });
-        }
-        level
     }
 }
 
