@@ -25,7 +25,7 @@ use subaperture_tests::error_db;
 use subaperture_tests::subap::{listing, run};
 
 /// A history that counts the pulses read from it.
-struct Counted(PointTargetHistory, AtomicUsize);
+pub(crate) struct Counted(pub(crate) PointTargetHistory, pub(crate) AtomicUsize);
 
 impl PhaseHistory for Counted {
     fn collection(&self) -> &Collection {

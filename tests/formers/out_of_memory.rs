@@ -1,38 +1,21 @@
 //! Recordings larger than the memory: the pulses that a former reads are those stated in advance.
 
-use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use glam::DVec3;
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex64;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{BoundPolicy, ImageFormer, Plan, Task, machine};
 use subaperture::geometry::{ImageGrid, SceneFrame};
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, ReadError, Sweep, Weights};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::planner::forecast::forecast_of;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{PointTargetHistory, Scatterer};
 
-/// A history that counts the pulses read from it.
-struct Counted {
-    history: PointTargetHistory,
-    pulses: AtomicU64,
-}
-
-impl PhaseHistory for Counted {
-    fn collection(&self) -> &Collection {
-        self.history.collection()
-    }
-
-    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        self.pulses
-            .fetch_add(pulses.len() as u64, Ordering::Relaxed);
-        self.history.read(pulses, samples)
-    }
-}
+use crate::accuracy::Counted;
 
 /// A straight track of 120 m at a distance of 2 km, 600 MHz about 10 GHz, with two scatterers.
 fn near(num_pulses: usize, num_samples: usize) -> Counted {
@@ -64,10 +47,8 @@ fn near(num_pulses: usize, num_samples: usize) -> Counted {
         amplitude: Complex64::new(amplitude, 0.0),
     };
     let scatterers = vec![scatterer(3.0, -7.0, 1.0), scatterer(-20.0, 15.0, 0.5)];
-    Counted {
-        history: PointTargetHistory::new(collection, scatterers, None),
-        pulses: AtomicU64::new(0),
-    }
+    let history = PointTargetHistory::new(collection, scatterers, None);
+    Counted(history, AtomicUsize::new(0))
 }
 
 /// Range-Doppler backprojection on nested patches.
@@ -97,11 +78,11 @@ fn read_pulses(
     let stated = plan.pulses_read(former, &task, true).unwrap();
     let begun = Instant::now();
     let forecast = forecast_of(former, &task, &plan.cost).unwrap().unwrap();
-    history.pulses.store(0, Ordering::Relaxed);
+    history.1.store(0, Ordering::Relaxed);
     let planned_s = begun.elapsed().as_secs_f64();
     let begun = Instant::now();
     let formed = plan.form(former, &task).unwrap();
-    let all = history.pulses.load(Ordering::Relaxed);
+    let all = history.1.load(Ordering::Relaxed) as u64;
     println!(
         "{}: {} s forecast in {planned_s:.1} s, {:.1} s taken, {stated} pulses stated, {all} read, {:.1} dB",
         former.name(),

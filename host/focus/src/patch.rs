@@ -89,6 +89,12 @@ impl Rectangle {
         }
     }
 
+    /// Whether any pixel lies in the given rows and columns.
+    pub(crate) fn meets(&self, other: &PixelBlock) -> bool {
+        let mut axes = self.place().into_iter().zip(other);
+        axes.all(|(own, other)| own.start < other.end && other.start < own.end)
+    }
+
     /// Ranges of rows and columns.
     pub fn place(&self) -> PixelBlock {
         [

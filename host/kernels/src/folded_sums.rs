@@ -4,7 +4,7 @@
 //! sum[i] = sum_k w[k] z[k] exp(j 2 pi turns[i] k)
 //! ```
 //!
-//! A block of `2 J` samples is referred to its centre. The samples at distance `d = 1/2, 3/2, ...` behind and before the centre have
+//! A block of `2 J` samples is referred to its centre. The samples at distance `d = 1/2, 3/2, ...` after and before the centre have
 //! conjugate phasors, so with the even part `a = z(d) + z(-d)` and the odd part `b = z(d) - z(-d)` the sum of the block is
 //!
 //! ```text
@@ -102,11 +102,11 @@ impl Parts {
             (re[i], im[i]) = (z.re * w, z.im * w);
         }
         for d in 0..HALF {
-            let (behind, before) = (HALF + d, HALF - 1 - d);
-            self.even_re[d] = re[behind] + re[before];
-            self.even_im[d] = im[behind] + im[before];
-            self.odd_re[d] = re[behind] - re[before];
-            self.odd_im[d] = im[behind] - im[before];
+            let (after, before) = (HALF + d, HALF - 1 - d);
+            self.even_re[d] = re[after] + re[before];
+            self.even_im[d] = im[after] + im[before];
+            self.odd_re[d] = re[after] - re[before];
+            self.odd_im[d] = im[after] - im[before];
         }
     }
 }

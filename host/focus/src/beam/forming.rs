@@ -8,7 +8,7 @@ use num_complex::Complex32;
 use super::choices::{Choices, Part};
 use crate::patch::Rectangle;
 use crate::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
-use subaperture_model::image::{PixelBlock, copy_common};
+use subaperture_model::image::copy_common;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{BlockIllumination, PulseRange};
 
@@ -71,21 +71,14 @@ impl<'a> InBlocks<'a> {
 impl InBlocks<'_> {
     /// Blocks that contain pixels of the given rectangles.
     fn blocks(&self, places: &[Rectangle]) -> Vec<usize> {
-        let meets = |own: &Rectangle, place: &PixelBlock| meets(&own.place(), place);
         (0..self.illumination.num_blocks())
             .filter(|&block| self.choices.get(block).is_some())
             .filter(|&block| {
                 let place = self.illumination.place(block);
-                places.iter().any(|own| meets(own, &place))
+                places.iter().any(|own| own.meets(&place))
             })
             .collect()
     }
-}
-
-/// Whether two blocks have pixels in common.
-fn meets(own: &PixelBlock, other: &PixelBlock) -> bool {
-    let mut axes = own.iter().zip(other);
-    axes.all(|(own, other)| own.start < other.end && other.start < own.end)
 }
 
 impl Forming for InBlocks<'_> {
@@ -137,10 +130,10 @@ impl Forming for InBlocks<'_> {
             forming.form(&within, std::slice::from_mut(&mut own))?;
             let place = self.illumination.place(block);
             for tile in tiles.iter_mut() {
-                let whole = tile.place.place();
-                if !meets(&whole, &place) {
+                if !tile.place.meets(&place) {
                     continue;
                 }
+                let whole = tile.place.place();
                 copy_common(&whole, &mut tile.pixels, &place, &own.pixels);
             }
         }

@@ -83,14 +83,10 @@ impl Tree {
 
     /// First patches that contain pixels of the given rectangles.
     pub(super) fn roots_of(&self, grid: &ImageGrid, places: &[Rectangle]) -> Vec<Node> {
-        let meet = |own: &Rectangle, other: &Rectangle| {
-            let mut each = own.place().into_iter().zip(other.place());
-            each.all(|(a, b)| a.start < b.end && b.start < a.end)
-        };
         let mut roots = self.roots(grid);
         roots.retain(|&node| {
             let own = self.rectangle(grid, node);
-            own.is_some_and(|own| places.iter().any(|place| meet(&own, place)))
+            own.is_some_and(|own| places.iter().any(|other| own.meets(&other.place())))
         });
         roots
     }

@@ -241,7 +241,7 @@ impl Session<'_> {
                 reported = all;
             }
             self.ledger.counts.pulses_sent += 1;
-            // Paced by the line: at most one burst waits here, and the module sends no answers.
+            // Paced by the line: at most one burst waits here. A status that arrives meanwhile is counted only.
             let mut wait = Duration::ZERO;
             while self.connection.line.outbox.backlog() > 0 {
                 let before = self.connection.line.outbox.backlog();
