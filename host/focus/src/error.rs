@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use crate::device::DeviceError;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::quantity::bytes;
 
@@ -87,6 +88,9 @@ pub enum FormError {
     /// Reading the pulses failed.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// The device that forms the image failed.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// The memory limit is too small.
     #[error("{purpose} needs {} of the {} allowed", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
     Memory {

@@ -28,6 +28,7 @@ mod compared;
 pub mod cost;
 pub mod coverage;
 pub mod dark;
+pub mod device;
 mod drawn;
 mod error;
 mod execute;

@@ -1,17 +1,21 @@
-//! Transforms and timing model selected by the caller, as part of a task, request, plan or record.
+//! Transforms, timing model and device selected by the caller, as part of a task, request, plan or record.
 
 pub use subaperture_fft::Transforms;
 
 use crate::Settings;
+use crate::device::Device;
 use crate::time_model::TimeModel;
 
-/// Transforms and timing model for forming an image.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Transforms, timing model and device for forming an image.
+#[derive(Clone, Copy, Debug)]
 pub struct Numerics<'a> {
     /// Fourier transforms. Portable transforms make the image bit-identical on every machine; all other steps already are.
     pub transforms: Transforms,
     /// Timing model for the choice between methods. Each choice keeps the error bound for any model.
     pub model: &'a TimeModel,
+    /// Device for the formers that can use one: `bp` on Cartesian grids. It is not part of a plan: a plan made with a device can be carried out without, and its
+    /// bound holds for both. The images differ in rounding.
+    pub device: Option<&'a dyn Device>,
 }
 
 static DEFAULT_MODEL: TimeModel = TimeModel::DEFAULT;
@@ -21,6 +25,7 @@ impl Default for Numerics<'_> {
         Self {
             transforms: Transforms::Fastest,
             model: &DEFAULT_MODEL,
+            device: None,
         }
     }
 }

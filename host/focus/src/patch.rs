@@ -146,6 +146,17 @@ pub(crate) struct Segment<'a> {
     pub(crate) pixels: &'a mut [Complex32],
 }
 
+impl Segment<'_> {
+    /// Add the pixels of the patch at `place`, row-major, that are in the segment.
+    pub(crate) fn add(&mut self, place: &Rectangle, values: &[Complex32]) {
+        let row = (self.row - place.row) * place.size.columns;
+        let values = &values[row + self.column - place.column..];
+        for (pixel, value) in self.pixels.iter_mut().zip(values) {
+            *pixel += value;
+        }
+    }
+}
+
 impl Patches {
     pub(crate) fn new(grid: &ImageGrid, at_most: PatchSize) -> Self {
         // Patch sizes are as even as possible.

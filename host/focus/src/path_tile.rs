@@ -40,8 +40,12 @@ pub(crate) fn fits(
     highest_hz: f64,
     phase_rad: f64,
 ) -> bool {
-    let off_m = tile.look(length, pulses, raster);
-    TAU * highest_hz / SPEED_OF_LIGHT_M_S * off_m <= phase_rad
+    rms_phase(highest_hz, tile.look(length, pulses, raster)) <= phase_rad
+}
+
+/// Phase of a path of `path_m` metres at the highest frequency, radians.
+pub(crate) fn rms_phase(highest_hz: f64, path_m: f64) -> f64 {
+    TAU * highest_hz / SPEED_OF_LIGHT_M_S * path_m
 }
 
 /// Relative RMS error of float32 phasors and positions, with profiles of at least `bins_m` bins per metre of path.

@@ -376,6 +376,7 @@ impl Plan {
             numerics: Numerics {
                 transforms: self.transforms,
                 model: &self.time_model,
+                device: None,
             },
         }
     }

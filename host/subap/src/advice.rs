@@ -65,7 +65,10 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
         return of(inner);
     }
     if let Some(error) = error.downcast_ref::<FormError>() {
-        return of_forming(error);
+        return match error {
+            FormError::Device(_) => Some("; form the image with --device cpu".to_owned()),
+            error => of_forming(error),
+        };
     }
     match error.downcast_ref() {
         Some(ReadError::Memory { .. }) => return Some(": raise --memory".to_owned()),

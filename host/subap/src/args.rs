@@ -39,7 +39,9 @@ use subaperture_core::link::Level;
 use crate::failure::Usage;
 pub(crate) use autofocus::{Autofocus, AutofocusSettings, Method};
 pub(crate) use export::{Export, ImageFormat, Producing};
-pub(crate) use focus::{BeamWidth, Focus, Forming, Imaging, TargetMotion, Velocity, Windows};
+pub(crate) use focus::{
+    BeamWidth, DeviceChoice, Focus, Forming, Imaging, TargetMotion, Velocity, Windows,
+};
 pub(crate) use formers::{FormerOptions, key as former_key, options as former_options};
 pub(crate) use front::{command, parse};
 pub(crate) use global::Global;

@@ -3,6 +3,7 @@
 use crate::FocusedImage;
 use subaperture_focus::beam::{BeamChoice, EstimateError, InBeam, choose};
 use subaperture_focus::coverage::Coverage;
+use subaperture_focus::device::Device;
 use subaperture_focus::{
     BoundPolicy, FormError, ImageFormer, Numerics, Task, TimeModel, formers, machine,
 };
@@ -116,6 +117,17 @@ impl<'a> Focusing<'a> {
     #[must_use]
     pub fn portable(self) -> Self {
         let numerics = self.numerics.portable();
+        Self { numerics, ..self }
+    }
+
+    /// Device for the formers that can use one, such as a GPU. `bp` uses it on Cartesian grids; [`FocusedImage::settings`] then
+    /// contain its name as `device`. Default: none.
+    #[must_use]
+    pub fn device(self, device: &'a dyn Device) -> Self {
+        let numerics = Numerics {
+            device: Some(device),
+            ..self.numerics
+        };
         Self { numerics, ..self }
     }
 

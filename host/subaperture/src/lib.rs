@@ -60,7 +60,7 @@
 //!
 //! # Modules and features
 //! `default` enables `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`. `full` enables every feature except
-//! `uhd`, which links a GPL library, and `viewer`, which needs a web server.
+//! `uhd`, which links a GPL library, `viewer`, which needs a web server, and `gpu`, which needs a driver.
 //!
 //! | module | contents | feature | added dependencies |
 //! |---|---|---|---|
@@ -91,6 +91,7 @@
 //! | `radio` | stepped-frequency radar on a software-defined radio, real or simulated: capture, range profiles | `radio` | |
 //! | `live_capture` | image of a running capture, updated with each sweep, on a given or estimated track | `radio`, which enables `motion` | |
 //! | `viewer` | local web viewer for large images and running captures | `viewer` | `axum`, `tokio` |
+//! | `gpu` | backprojection on a GPU by Vulkan or Metal | `gpu` | `wgpu` |
 //! | `radio::uhd` | USRP devices by UHD (GPL-3.0-or-later) | `uhd` | the UHD library, linked |
 //!
 //! [`glam`] (positions) and [`num_complex`] (samples) are re-exported under their own names.
@@ -125,6 +126,8 @@ pub use {subaperture_focus as focus, subaperture_io as io, subaperture_signal as
 pub use subaperture_autofocus as autofocus;
 #[cfg(feature = "recording")]
 pub use subaperture_describe as describe;
+#[cfg(feature = "gpu")]
+pub use subaperture_gpu as gpu;
 #[cfg(feature = "recording")]
 pub use subaperture_io::receive;
 #[cfg(feature = "maps")]

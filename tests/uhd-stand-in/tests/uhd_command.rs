@@ -21,7 +21,10 @@ fn program() -> &'static Path {
         let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
             .args(["build", "--quiet", "--workspace", "--locked"])
             .args(["--exclude", "subaperture-firmware", "--bin", "subap"])
-            .args(["--features", "subaperture-uhd-stand-in/uhd,subap/uhd"])
+            .args([
+                "--features",
+                "subaperture-uhd-stand-in/uhd,subap/uhd,subap/gpu",
+            ])
             .args(["--message-format", "json-render-diagnostics"])
             .stderr(Stdio::inherit())
             .output()

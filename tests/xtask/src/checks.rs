@@ -42,7 +42,7 @@ const CORE: [(&str, &str); 8] = [
 
 /// The library with sets of features in which each feature occurs without every other one that it does not bring. The command enables all
 /// and never builds these.
-const LIBRARY: [&str; 11] = [
+const LIBRARY: [&str; 12] = [
     "",
     "gotcha,npz,link,motion,navigation",
     "simulate,planner,motion,radio,terrain",
@@ -54,10 +54,14 @@ const LIBRARY: [&str; 11] = [
     "maps",
     "uhd",
     "viewer",
+    "gpu",
 ];
 
 /// Features that need UHD.
 pub(crate) const UHD: &str = "subaperture-uhd-stand-in/uhd,subap/uhd";
+
+/// Feature of the command's tests with a GPU, which build the command.
+pub(crate) const GPU: &str = "subaperture-gpu/command";
 
 /// Packages that are not published.
 const OURS_ALONE: [&str; 10] = [
@@ -116,9 +120,10 @@ pub(crate) fn clippy_uhd(runner: &mut Runner) {
     command.args(["--features", binding, "--", "-D", "warnings"]);
     runner.check("clippy, radio by UHD", &mut command);
     let mut command = cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]);
-    command.args(["--bin", "subap", "--features", UHD, "--locked"]);
+    let features = format!("{UHD},subap/gpu");
+    command.args(["--bin", "subap", "--features", &features, "--locked"]);
     runner.check(
-        "clippy, command by UHD",
+        "clippy, command by UHD and GPU",
         command.args(["--", "-D", "warnings"]),
     );
     let mut command = cargo(&["doc", "--package", "subaperture-radio", "--no-deps"]);
@@ -163,7 +168,12 @@ pub(crate) fn oldest_rust(runner: &mut Runner) {
     command
         .args(["run", OLDEST_RUST, "cargo", "check", "--locked"])
         .args(["--package", "subaperture", "--package", "subap"])
-        .args(["--package", "subaperture-wasm"])
+        .args([
+            "--package",
+            "subaperture-wasm",
+            "--package",
+            "subaperture-gpu",
+        ])
         .args(["--all-features", "--target-dir"])
         .arg(target_folder().join("oldest-rust"))
         .env_remove("CARGO")

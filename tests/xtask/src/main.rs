@@ -41,6 +41,7 @@ Usage: cargo xtask COMMAND
   wasm       the web page that forms images in WebAssembly: target/wasm
   guide      the guide as a book, its blocks run: target/guide/book
   uhd        the radio's binding to UHD, against a library that stands in for it; needs libuhd-dev
+  gpu        images formed by a GPU, against the exact sum; Mesa's lavapipe is one that runs on the processor
   long       the tests that take minutes each, which 'test' leaves out
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
   miri       unsafe code of the kernels under Miri, in AVX2, AVX-512 and NEON, and all of them under
@@ -156,6 +157,11 @@ fn main() -> ExitCode {
             suite::uhd(&mut runner);
             Ok(())
         }
+        ["gpu"] => {
+            ensure_if_possible(&[Need::Vulkan], Talk::Shown);
+            suite::gpu(&mut runner);
+            Ok(())
+        }
         ["long"] => {
             suite::long(&mut runner);
             Ok(())
@@ -196,7 +202,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     ensure_if_possible(&[Need::OldestRust], Talk::Shown);
     let installation = thread::spawn(|| {
         // Debian's packages in one call, because each call takes as long as most packages.
-        let debian = [Need::Qemu, Need::Chromium, Need::Uhd];
+        let debian = [Need::Qemu, Need::Chromium, Need::Uhd, Need::Vulkan];
         let debian = [&debian, prerequisites::OTHER_EMULATORS.as_slice()].concat();
         ensure_if_possible(&debian, Talk::OfFailure);
         ensure(
@@ -241,6 +247,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     checks::deny(runner);
     suite::kernels_elsewhere(runner);
     suite::uhd(runner);
+    suite::command_on_gpu(runner);
     // The firmware's test is one of these.
     unit(runner, python);
     runner.work("guide", guide::build);

@@ -22,6 +22,8 @@ pub(crate) enum Need {
     Chromium,
     /// The driver of USRPs to link with: without it the binding is not checked.
     Uhd,
+    /// A Vulkan driver: without any, no image is formed by a GPU.
+    Vulkan,
     CargoDeny,
     Mdbook,
     /// The tool of the version in Cargo.lock: it refuses modules of another.
@@ -83,6 +85,7 @@ impl Need {
                 works("chromium", &["--version"]) && works("chromedriver", &["--version"])
             }
             Self::Uhd => Path::new("/usr/include/uhd.h").exists(),
+            Self::Vulkan => has_vulkan_driver(),
             Self::CargoDeny => cargo_deny().is_some(),
             Self::Mdbook => mdbook().is_some(),
             Self::WasmBindgen => wasm_bindgen().is_some(),
@@ -98,6 +101,8 @@ impl Need {
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
             Self::Chromium => Source::Debian(&["chromium", "chromium-driver"]),
             Self::Uhd => Source::Debian(&["libuhd-dev"]),
+            // lavapipe, a driver on the processor, and the library that loads drivers.
+            Self::Vulkan => Source::Debian(&["mesa-vulkan-drivers", "libvulkan1"]),
             Self::Rustfmt => Source::Rustup(vec!["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(vec!["component", "add", "clippy"]),
             Self::Target(target) => Source::Rustup(vec!["target", "add", target]),
@@ -181,6 +186,22 @@ pub(crate) fn ensure_if_possible(needs: &[Need], talk: Talk) {
             eprintln!("{remedy}\n{need:?}: going on without it");
         }
     }
+}
+
+/// Whether a Vulkan driver and the library that loads it are installed.
+fn has_vulkan_driver() -> bool {
+    let drivers = std::fs::read_dir("/usr/share/vulkan/icd.d");
+    let has_driver = drivers.is_ok_and(|mut files| files.next().is_some());
+    let loaders = [
+        "/usr/lib/x86_64-linux-gnu",
+        "/usr/lib/aarch64-linux-gnu",
+        "/usr/lib64",
+        "/usr/lib",
+    ];
+    has_driver
+        && loaders
+            .iter()
+            .any(|folder| Path::new(folder).join("libvulkan.so.1").exists())
 }
 
 /// Whether rustup has a toolchain.

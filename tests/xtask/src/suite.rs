@@ -1,10 +1,11 @@
 //! Tests built by `cargo test`.
 
 use std::path::Path;
+use std::process::Command;
 
 use subaperture_xtask::{link_alone, target_installed};
 
-use crate::checks::{UHD, cargo, clippy_uhd};
+use crate::checks::{GPU, UHD, cargo, clippy_uhd};
 use crate::prerequisites::Need;
 use crate::runner::Runner;
 
@@ -52,12 +53,34 @@ pub(crate) fn uhd(runner: &mut Runner) {
     let mut command = cargo(&["test", "--package", "subaperture-radio"]);
     command.args(["--features", "uhd", "--lib", "--no-fail-fast", "--locked"]);
     runner.tests(NAME, command.args(["--", SHOW_OUTPUT]));
+    runner.tests("command by UHD", &mut of_command(UHD, "uhd"));
+}
+
+/// The tests of an executable that runs the command, built with `features`.
+fn of_command(features: &str, test: &str) -> Command {
     // With all tested packages: the command depends on most of them, and another selection would enable other features of dependencies, and
     // build all of them again.
     let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
-    command.args(["--features", UHD, "--test", "uhd"]);
+    command.args(["--features", features, "--test", test]);
     command.args(["--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
-    runner.tests("command by UHD", &mut command);
+    command
+}
+
+/// The command with a GPU.
+pub(crate) fn command_on_gpu(runner: &mut Runner) {
+    const NAME: &str = "command by GPU";
+    match Need::Vulkan.is_met() {
+        true => runner.tests(NAME, &mut of_command(GPU, "gpu_command")),
+        false => runner.skip(NAME, "no Vulkan driver is installed"),
+    }
+}
+
+/// Library and command with a GPU.
+pub(crate) fn gpu(runner: &mut Runner) {
+    let mut command = cargo(&["test", "--package", "subaperture-gpu"]);
+    command.args(["--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
+    runner.tests("library by GPU", &mut command);
+    command_on_gpu(runner);
 }
 
 /// Tests marked as ignored: each takes minutes.

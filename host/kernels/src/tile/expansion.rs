@@ -96,17 +96,17 @@ pub fn left_out_m(distance_m: f64, radius_m: f64) -> f64 {
 
 /// Coefficients of the expansion over columns `i` and rows `j` from the centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Expansion {
+pub struct Expansion {
     /// Distances of transmitter and receiver, metres.
-    pub(super) legs_m: [f64; 2],
+    pub legs_m: [f64; 2],
     /// Constant term.
-    pub(super) at: f64,
+    pub at: f64,
     /// Coefficients of `i` and `j`.
-    pub(super) first: [f64; 2],
+    pub first: [f64; 2],
     /// Coefficients of `i i`, `i j` and `j j`.
-    pub(super) second: [f64; 3],
+    pub second: [f64; 3],
     /// Coefficients of `i i i`, `i i j`, `i j j` and `j j j`.
-    pub(super) third: [f64; 4],
+    pub third: [f64; 4],
 }
 
 /// Expansion along a column of groups: polynomials in `j`.
@@ -128,7 +128,7 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 
 impl Expansion {
     /// Expansion of paths minus the datum, times `scale`.
-    pub(super) fn new(antennas: &Antennas, raster: &Raster, scale: f64) -> Self {
+    pub fn new(antennas: &Antennas, raster: &Raster, scale: f64) -> Self {
         let squares = [
             dot(&raster.along_m, &raster.along_m),
             2.0 * dot(&raster.along_m, &raster.across_m),
@@ -207,11 +207,31 @@ impl Expansion {
     }
 
     /// Bound on the magnitude within `i` and `j` pixels of the centre.
-    pub(super) fn bound(&self, [i, j]: [f64; 2]) -> f64 {
-        let ([a, b], [c, d, e], [f, g, h, k]) = (self.first, self.second, self.third);
+    pub(super) fn bound(&self, within: [f64; 2]) -> f64 {
+        self.at.abs() + self.linear_bound(within) + self.bend_bound(within)
+    }
+
+    /// Bound on the RMS truncation error over the raster, metres, by the first neglected term; NaN for positions that are not finite.
+    ///
+    /// It grows at least with the fourth power of the distance, so that its RMS over a
+    /// rectangle is at most a third of that at the corners.
+    pub fn truncation_m(&self, raster: &Raster) -> f64 {
+        let radius_m = raster.radius_m();
+        let [out_m, back_m] = self.legs_m.map(|leg_m| left_out_m(leg_m, radius_m) / 3.0);
+        out_m + back_m
+    }
+
+    /// Bound on the magnitude of the linear terms within `i` and `j` pixels of the centre.
+    pub fn linear_bound(&self, [i, j]: [f64; 2]) -> f64 {
+        self.first[0].abs() * i + self.first[1].abs() * j
+    }
+
+    /// Bound on the magnitude of the terms of second and third degree within `i` and `j` pixels of the centre.
+    pub fn bend_bound(&self, [i, j]: [f64; 2]) -> f64 {
+        let ([c, d, e], [f, g, h, k]) = (self.second, self.third);
         let squares = c.abs() * i * i + d.abs() * i * j + e.abs() * j * j;
         let cubes = (f.abs() * i + g.abs() * j) * i * i + (h.abs() * i + k.abs() * j) * j * j;
-        self.at.abs() + a.abs() * i + b.abs() * j + squares + cubes
+        squares + cubes
     }
 }
 

@@ -37,7 +37,7 @@ mod shape;
 pub const DEGREES: [usize; 2] = [2, 3];
 
 pub use crate::phasor::PHASOR_RMS;
-pub use expansion::{Raster, left_out_m};
+pub use expansion::{Expansion, Raster, left_out_m};
 pub use pieces::{MAX_DEGREE, Pieces};
 pub use points::add_points;
 pub use pulse::TilePulse;

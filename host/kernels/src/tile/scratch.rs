@@ -3,7 +3,7 @@
 use num_complex::Complex32;
 
 use super::adding::Add;
-use super::expansion::{Expansion, Raster, left_out_m};
+use super::expansion::{Expansion, Raster};
 use super::groups::{Deliver, Groups, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
@@ -29,8 +29,7 @@ impl TileScratch {
     /// Expand the paths of pulses about a tile, for profiles of `length` bins. Returns the bound on the path error, metres: RMS over
     /// the tile's pixels, for the worst pulse. [`Self::add`] uses the same pulses.
     ///
-    /// The truncation error of a third-degree polynomial grows at least with the fourth power of the distance, so that its RMS over a
-    /// rectangle is at most a third of that at the corners.
+    /// It is that of [`Expansion::truncation_m`] and of the terms that groups leave out.
     pub fn look(&mut self, length: usize, pulses: &[TilePulse], raster: &Raster) -> f64 {
         self.expansions.clear();
         let bins = length as f64;
@@ -48,13 +47,10 @@ impl TileScratch {
         if shape.transposed {
             self.expansions.iter_mut().for_each(|e| *e = e.transposed());
         }
-        let radius_m = raster.radius_m();
         let lost = shape.left_out(self.tile.sides[1]);
         let each = pulses.iter().zip(&self.expansions).map(|(pulse, e)| {
-            let [out_m, back_m] = e.legs_m.map(|leg_m| left_out_m(leg_m, radius_m) / 3.0);
-            let legs_m = out_m + back_m;
             let off = lost.iter().zip(e.third).map(|(each, c)| each * c.abs());
-            let off_m = legs_m + off.sum::<f64>() / (pulse.turns_m * bins).abs();
+            let off_m = e.truncation_m(raster) + off.sum::<f64>() / (pulse.turns_m * bins).abs();
             // NaN positions cannot be expanded.
             if off_m.is_nan() { f64::INFINITY } else { off_m }
         });

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args as Group, ValueHint};
+use clap::{Args as Group, ValueEnum, ValueHint};
 use glam::DVec3;
 use serde::{Deserialize, Deserializer};
 use subaperture::focus::{BoundPolicy, Numerics, TimeModel};
@@ -33,7 +33,7 @@ pub(crate) struct Focus {
     /// Form the image from the maps of an embedded module instead of a recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
         "files", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
-        "model"
+        "model", "device"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -66,6 +66,10 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
 
+    /// Device that forms the image. bp on Cartesian grids can use a GPU; a note reports an image formed on the processor all the same
+    #[arg(long, value_enum, default_value_t = DeviceChoice::Cpu, conflicts_with = "portable")]
+    pub(crate) device: DeviceChoice,
+
     #[command(flatten)]
     pub(crate) tiled: Tiled,
 
@@ -80,6 +84,17 @@ pub(crate) struct Focus {
 
     #[command(flatten)]
     pub(crate) rehearsal: Rehearsal,
+}
+
+/// Device that forms an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DeviceChoice {
+    /// The processor
+    Cpu,
+    /// A GPU by Vulkan or Metal, or a driver of these on the processor; needs the feature gpu
+    Gpu,
+    /// A GPU if there is one, else the processor
+    Auto,
 }
 
 /// Azimuth beam of the antenna.

@@ -4,6 +4,7 @@ pub(crate) mod beam;
 mod check;
 mod corrected;
 mod deliver;
+mod device;
 mod from_maps;
 mod job;
 mod missed;
@@ -18,7 +19,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 use subaperture::focus::accuracy::comparison_cost;
-use subaperture::focus::{Formed, ImageFormer, Plan, Task};
+use subaperture::focus::{Formed, ImageFormer, Numerics, Plan, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::product::record::Brightest;
@@ -58,6 +59,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     // Options are checked before any file is read.
     typed.image.forming.former.former()?;
     let model = forming::time_model(&typed.image)?;
+    let device = device::open(typed.device);
     if let Some(grid) = &typed.image.grid.pixels {
         room(typed, grid)?;
     }
@@ -80,7 +82,10 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let survey = Surveying::of(recorded)?;
     let moving = moving(typed, recorded)?;
     let job = Job {
-        numerics: typed.image.forming.numerics(model.as_ref()),
+        numerics: Numerics {
+            device: device.as_deref(),
+            ..typed.image.forming.numerics(model.as_ref())
+        },
         session,
         typed,
         history: match &moving {
@@ -126,6 +131,7 @@ fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> an
         monitor: &Silent,
     };
     let plan = tiled::plan(session, &typed.image, former, &spec)?;
+    device::note_unused(job.numerics.device, &plan);
     let whole = 8 * grid.num_pixels() <= session.memory_bytes / 2;
     if announce(job, former, (&plan, whole), &task)? {
         return Ok(());

@@ -63,6 +63,11 @@ impl Shares {
     }
 }
 
+/// Relative RMS error allowed for arithmetic where path polynomials are allowed one of `phase_rad`.
+pub(super) fn arithmetic_share(phase_rad: f64) -> f64 {
+    phase_rad * (ARITHMETIC / TILES).sqrt()
+}
+
 /// Margin needed by tiles of `side` x `side` pixels on profiles of `length` bins.
 pub(super) fn margin(spec: &ImageSpec, side: usize, length: usize) -> usize {
     let patches = Patches::new(spec.grid, PatchSize::square(side));

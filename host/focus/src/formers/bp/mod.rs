@@ -34,6 +34,7 @@ mod choice;
 mod choices;
 mod cost;
 mod meaning;
+mod on_device;
 mod parts;
 mod sweeping;
 mod tiles;
@@ -181,6 +182,12 @@ pub(crate) fn decide(
     });
     if let PixelPaths::Blurs(blurs) = choices.paths {
         settings["pulse_parts"] = blurs.parts.into();
+    }
+    let mut pixel_ns = pixel_ns;
+    if let (Some(device), PixelPaths::Tiles { .. }) = (spec.numerics.device, choices.paths) {
+        settings["device"] = device.name().into();
+        // Costs are times of one core of the processor.
+        pixel_ns = device.pixel_ns() * rayon::current_num_threads() as f64;
     }
     Ok(Decision {
         choices,

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::choice::{swath, tile_pulse};
 use super::cost::{PIXELS, PROFILES};
+use super::on_device::PIXEL_BYTES;
 use super::{Choices, MAX_PARTS, Meaning, PixelPaths, pulse_bytes};
 use crate::budget::Budget;
 use crate::patch::{PatchSize, Patches, Rectangle, Segment};
@@ -25,27 +26,27 @@ use subaperture_signal::range_profile::RangeProfiler;
 const PATCH: usize = 64;
 
 pub(super) struct Opened<'a> {
-    spec: ImageSpec<'a>,
-    profiler: RangeProfiler,
-    pieces: Pieces,
-    summed_pulses: usize,
+    pub(super) spec: ImageSpec<'a>,
+    pub(super) profiler: RangeProfiler,
+    pub(super) pieces: Pieces,
+    pub(super) summed_pulses: usize,
     paths: PixelPaths,
     meaning: Meaning,
-    patches: Patches,
-    highest_hz: f64,
+    pub(super) patches: Patches,
+    pub(super) highest_hz: f64,
     instructions: Instructions,
 }
 
 /// Block of pulses that are summed together.
-struct Batch<'a> {
-    pulses: &'a [Pulse],
-    tile_pulses: Vec<TilePulse>,
-    pieces: &'a [f32],
+pub(super) struct Batch<'a> {
+    pub(super) pulses: &'a [Pulse],
+    pub(super) tile_pulses: Vec<TilePulse>,
+    pub(super) pieces: &'a [f32],
 }
 
 /// Buffers of one thread.
 #[derive(Default)]
-struct Scratch {
+pub(super) struct Scratch {
     tile: TileScratch,
     points: Points,
     /// Positions of a moving target's points at a pulse.
@@ -79,7 +80,7 @@ impl<'a> Opened<'a> {
     }
 
     /// Compute the spline intervals of pulses from `first` on.
-    fn make_pieces(
+    pub(super) fn make_pieces(
         &self,
         first: usize,
         samples: &[Complex32],
@@ -110,7 +111,7 @@ impl<'a> Opened<'a> {
     }
 
     /// Add a batch of pulses to the requested pixels of a patch.
-    fn add(
+    pub(super) fn add(
         &self,
         batch: &Batch,
         rectangle: &Rectangle,
@@ -128,11 +129,7 @@ impl<'a> Opened<'a> {
                 sums.resize(size.rows * size.columns, Complex32::ZERO);
                 tile.add(self.instructions, &self.pieces, pulses, batch.pieces, sums);
                 for segment in segments {
-                    let row = (segment.row - rectangle.row) * size.columns;
-                    let sums = &sums[row + segment.column - rectangle.column..];
-                    for (pixel, sum) in segment.pixels.iter_mut().zip(sums) {
-                        *pixel += sum;
-                    }
+                    segment.add(rectangle, sums);
                 }
                 return;
             }
@@ -185,7 +182,19 @@ impl<'a> Opened<'a> {
 }
 
 impl Forming for Opened<'_> {
+    fn pixel_bytes(&self) -> u64 {
+        match self.spec.numerics.device {
+            Some(_) => PIXEL_BYTES,
+            None => 0,
+        }
+    }
+
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        if let (Some(device), PixelPaths::Tiles { side, phase_rad }) =
+            (self.spec.numerics.device, self.paths)
+        {
+            return self.form_on_device(device, side, phase_rad, work, tiles);
+        }
         let collection = self.spec.collection;
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let (length, summed) = (self.profiler.length(), self.summed_pulses);

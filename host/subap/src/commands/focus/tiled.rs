@@ -39,7 +39,7 @@ use super::job::{Job, products, with_history};
 use super::missed::with_advice;
 use super::sinks::{ArraySink, StoreSink, claim};
 use super::summary::describe;
-use super::{beam, check, missed, record};
+use super::{beam, check, device, missed, record};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
@@ -73,8 +73,12 @@ fn formed(
 ) -> anyhow::Result<()> {
     let survey = Surveying::of(history)?;
     let model = forming::time_model(&typed.image)?;
+    let device = device::open(typed.device);
     let job = Job {
-        numerics: typed.image.forming.numerics(model.as_ref()),
+        numerics: Numerics {
+            device: device.as_deref(),
+            ..typed.image.forming.numerics(model.as_ref())
+        },
         session,
         typed,
         history,
@@ -104,11 +108,14 @@ fn formed(
         let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
         return text::say(describe(&plan, part)).map_err(Into::into);
     }
+    device::note_unused(job.numerics.device, &plan);
     let weights = plan.weights(collection)?;
+    let mut spec = plan.spec(collection, &weights);
+    spec.numerics.device = job.numerics.device;
     let work = InParts {
         job: &job,
         former: &*former,
-        spec: plan.spec(collection, &weights),
+        spec,
     };
     let (store, plan) = work.store(&plan)?;
     let comparison = comparison_cost(&work.spec);

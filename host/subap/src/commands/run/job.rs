@@ -7,8 +7,8 @@ use subaperture::job::JobText;
 
 use super::sections::{Sections, Source};
 use crate::args::{
-    Autofocus, Focus, Imaging, Input, Logs, Picture, Producing, Quality, Rehearsal, Tiled, Track,
-    TrackSource, Writing, defaults,
+    Autofocus, DeviceChoice, Focus, Imaging, Input, Logs, Picture, Producing, Quality, Rehearsal,
+    Tiled, Track, TrackSource, Writing, defaults,
 };
 
 /// File names of the outputs of stages, in the job's folder.
@@ -153,6 +153,7 @@ fn focus(sections: Sections, autofocus: Option<&Autofocus>, out: &Path, writing:
         logs: Logs::default(),
         phase,
         check: None,
+        device: DeviceChoice::Cpu,
         tiled: Tiled {
             // Tiles in the folder are those of this job.
             resume: true,

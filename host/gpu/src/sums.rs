@@ -1,0 +1,263 @@
+//! Sums over the pixels of tiles, held by the device.
+
+use std::sync::mpsc;
+
+use bytemuck::{cast_slice, pod_collect_to_vec};
+use num_complex::Complex32;
+use rayon::prelude::*;
+use subaperture_focus::device::{DeviceError, Expansion, ProfileBlock, TileSums};
+use subaperture_focus::patch::PatchSize;
+
+use crate::Gpu;
+use crate::paths::{VALUES, parameters};
+
+/// Pixels along a side of the shader's workgroup.
+const GROUP: usize = 16;
+
+/// Limits of one dispatch: pixels, which bounds its time, and bytes of parameters.
+const DISPATCH_PIXELS: usize = 1 << 22;
+const DISPATCH_BYTES: usize = 32 << 20;
+
+/// Sums of some tiles in one buffer.
+struct Part {
+    /// End of its tiles, which begin where those of the part before end.
+    end: usize,
+    sums: wgpu::Buffer,
+}
+
+pub(crate) struct Sums<'a> {
+    gpu: &'a Gpu,
+    sizes: Vec<PatchSize>,
+    /// First sum of each tile in its part's buffer.
+    offsets: Vec<u32>,
+    parts: Vec<Part>,
+    profiles: Option<wgpu::Buffer>,
+    block: wgpu::Buffer,
+    /// Work handed to the device before the latest.
+    before: Option<wgpu::SubmissionIndex>,
+}
+
+fn pixels(tile: &PatchSize) -> usize {
+    tile.rows * tile.columns
+}
+
+impl<'a> Sums<'a> {
+    pub(crate) fn new(gpu: &'a Gpu, sizes: &[PatchSize]) -> Result<Self, DeviceError> {
+        let most = (gpu.binding_bytes / 8) as usize;
+        let mut offsets = Vec::with_capacity(sizes.len());
+        let (mut parts, mut count) = (Vec::new(), 0);
+        let part = |end: usize, count: usize| Part {
+            sums: gpu.buffer(
+                8 * count as u64,
+                wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+            ),
+            end,
+        };
+        for (tile, size) in sizes.iter().enumerate() {
+            if count + pixels(size) > most && count > 0 {
+                parts.push(part(tile, count));
+                count = 0;
+            }
+            offsets.push(count as u32);
+            count += pixels(size);
+        }
+        if count > 0 {
+            parts.push(part(sizes.len(), count));
+        }
+        gpu.check()?;
+        Ok(Self {
+            block: gpu.buffer(
+                16,
+                wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            ),
+            gpu,
+            sizes: sizes.to_vec(),
+            offsets,
+            parts,
+            profiles: None,
+            before: None,
+        })
+    }
+
+    /// Add a block of pulses to tiles of one part.
+    fn dispatch(
+        &mut self,
+        block: &ProfileBlock,
+        part: usize,
+        tiles: &[usize],
+        paths: &[Expansion],
+    ) {
+        let (gpu, sizes) = (self.gpu, &self.sizes);
+        let pulses = block.carriers.len();
+        let mut values = vec![0; VALUES * paths.len()];
+        values
+            .par_chunks_exact_mut(VALUES * pulses)
+            .zip(paths.par_chunks_exact(pulses))
+            .zip(tiles)
+            .for_each(|((values, paths), &tile)| {
+                let carriers = paths.iter().zip(block.carriers);
+                for (values, (path, &kappa)) in values.chunks_exact_mut(VALUES).zip(carriers) {
+                    values.copy_from_slice(&parameters(path, &sizes[tile], kappa, block.length));
+                }
+            });
+        let header = |&tile: &usize| {
+            let PatchSize { rows, columns } = sizes[tile];
+            [self.offsets[tile], columns as u32, rows as u32, 0]
+        };
+        let headers: Vec<[u32; 4]> = tiles.iter().map(header).collect();
+        let [paths, headers] = [cast_slice(&values), cast_slice(&headers)].map(|bytes: &[u8]| {
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            let buffer = gpu.buffer(bytes.len() as u64, usage);
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            buffer
+        });
+        let profiles = self.profiles.as_ref().expect("profiles are written first");
+        let pipeline = &gpu.pipelines[block.degree - 2];
+        let bound = [
+            &self.block,
+            profiles,
+            &paths,
+            &headers,
+            &self.parts[part].sums,
+        ];
+        let entries = bound
+            .iter()
+            .zip(0..)
+            .map(|(buffer, binding)| wgpu::BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            });
+        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries.collect::<Vec<_>>(),
+        });
+        let groups = |side: fn(&PatchSize) -> usize| {
+            let sides = tiles.iter().map(|&tile| side(&sizes[tile]));
+            sides.max().unwrap_or(0).div_ceil(GROUP) as u32
+        };
+        let (across, down) = (groups(|own| own.columns), groups(|own| own.rows));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.dispatch_workgroups(across, down, tiles.len() as u32);
+        }
+        let now = gpu.queue.submit([encoder.finish()]);
+        // Copies of what was written are released once the device has read them; two submissions are under way at most.
+        if let Some(before) = self.before.replace(now) {
+            let waiting = wgpu::PollType::Wait {
+                submission_index: Some(before),
+                timeout: None,
+            };
+            // An error of the device is reported by its handler.
+            let _ = gpu.device.poll(waiting);
+        }
+    }
+}
+
+impl Gpu {
+    fn buffer(&self, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    }
+}
+
+impl TileSums for Sums<'_> {
+    fn add(
+        &mut self,
+        block: &ProfileBlock,
+        tiles: &[usize],
+        paths: &[Expansion],
+    ) -> Result<(), DeviceError> {
+        let (gpu, pulses) = (self.gpu, block.carriers.len());
+        let bytes: &[u8] = cast_slice(block.profiles);
+        if bytes.len() as u64 > gpu.binding_bytes {
+            return Err(DeviceError::new(
+                &gpu.name,
+                format!(
+                    "the profiles of {} pulses take {} bytes, more than the {} of its largest buffer: reduce the scratch memory",
+                    pulses,
+                    bytes.len(),
+                    gpu.binding_bytes
+                ),
+            ));
+        }
+        let fits = self
+            .profiles
+            .as_ref()
+            .is_some_and(|own| own.size() >= bytes.len() as u64);
+        if !fits {
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            self.profiles = Some(gpu.buffer(bytes.len() as u64, usage));
+        }
+        let profiles = self.profiles.as_ref().expect("created above");
+        gpu.queue.write_buffer(profiles, 0, bytes);
+        let stride = block.length + 2 * block.margin;
+        let header = [pulses, stride, block.margin, 0].map(|value| value as u32);
+        gpu.queue.write_buffer(&self.block, 0, cast_slice(&header));
+        let path_bytes = 4 * VALUES * pulses;
+        let (mut tiles, mut paths) = (tiles, paths);
+        for part in 0..self.parts.len() {
+            let end = self.parts[part].end;
+            while tiles.first().is_some_and(|&first| first < end) {
+                let (mut count, mut sum) = (0, 0);
+                for &tile in tiles.iter().take_while(|&&tile| tile < end) {
+                    sum += pixels(&self.sizes[tile]);
+                    let is_full =
+                        sum > DISPATCH_PIXELS || (count + 1) * path_bytes > DISPATCH_BYTES;
+                    if is_full && count > 0 {
+                        break;
+                    }
+                    count += 1;
+                }
+                let (now, later) = paths.split_at(count * pulses);
+                self.dispatch(block, part, &tiles[..count], now);
+                (tiles, paths) = (&tiles[count..], later);
+            }
+        }
+        gpu.check()
+    }
+
+    fn wait(&mut self) -> Result<(), DeviceError> {
+        self.before = None;
+        let waited = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
+        self.gpu.check()?;
+        let message = |error: wgpu::PollError| DeviceError::new(&self.gpu.name, error.to_string());
+        waited.map(|_| ()).map_err(message)
+    }
+
+    fn take(mut self: Box<Self>) -> Result<Vec<Complex32>, DeviceError> {
+        let gpu = self.gpu;
+        let mut all = Vec::with_capacity(self.sizes.iter().map(pixels).sum());
+        for part in &self.parts {
+            let size = part.sums.size();
+            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+            let copy = gpu.buffer(size, usage);
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(&part.sums, 0, &copy, 0, size);
+            gpu.queue.submit([encoder.finish()]);
+            let (sender, receiver) = mpsc::channel();
+            copy.map_async(wgpu::MapMode::Read, .., move |mapped| {
+                // The receiver waits for this.
+                let _ = sender.send(mapped);
+            });
+            let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
+            gpu.check()?;
+            let message =
+                |error: &dyn std::fmt::Display| DeviceError::new(&gpu.name, error.to_string());
+            waited.map_err(|error| message(&error))?;
+            let mapped = receiver.recv().map_err(|error| message(&error))?;
+            mapped.map_err(|error| message(&error))?;
+            let view = copy.get_mapped_range(..).map_err(|error| message(&error))?;
+            all.extend_from_slice(&pod_collect_to_vec::<u8, Complex32>(&view));
+        }
+        self.before = None;
+        Ok(all)
+    }
+}

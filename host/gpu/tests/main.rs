@@ -1,0 +1,429 @@
+//! Images formed by a GPU, or by a Vulkan driver on the processor, against the exact sum.
+
+use std::f64::consts::TAU;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture_focus::bp::Backprojection;
+use subaperture_focus::device::{Device, DeviceError, Expansion, ProfileBlock, TileSums};
+use subaperture_focus::exact::Exact;
+use subaperture_focus::patch::PatchSize;
+use subaperture_focus::{FormError, Formed, ImageFormer, Numerics, Task};
+use subaperture_gpu::{Gpu, Kind};
+use subaperture_model::geometry::{ImageGrid, SceneFrame};
+use subaperture_model::image::Image;
+use subaperture_model::monitor::{Monitor, Silent};
+use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
+use subaperture_signal::window::Window;
+use subaperture_simulate::{PointTargetHistory, Preset, Scatterer, Variation};
+
+/// The device, opened once. `None` without any driver; the test is then reported as skipped.
+fn gpu() -> Option<&'static Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    let open = || match Gpu::open(Kind::Any) {
+        Ok(gpu) => {
+            println!(
+                "{}: {:.2} ns per pixel and pulse",
+                gpu.name(),
+                gpu.pixel_ns()
+            );
+            Some(gpu)
+        }
+        Err(error) => {
+            println!("skipped: {error}");
+            None
+        }
+    };
+    let gpu = GPU.get_or_init(open);
+    if gpu.is_none() {
+        println!("skipped: no driver");
+    }
+    gpu.as_ref()
+}
+
+struct Bench {
+    history: PointTargetHistory,
+    grid: ImageGrid,
+    weights: Weights,
+}
+
+impl Bench {
+    fn new(history: PointTargetHistory, grid: &str) -> Self {
+        let weights = Weights::new(history.collection(), Window::Hamming, Window::Hamming);
+        Self {
+            history,
+            grid: grid.parse().unwrap(),
+            weights,
+        }
+    }
+
+    fn task<'a>(&'a self, device: Option<&'a dyn Device>) -> Task<'a> {
+        Task {
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+            numerics: Numerics {
+                device,
+                ..Numerics::default()
+            },
+            ..Task::new(&self.history, &self.grid, &self.weights)
+        }
+    }
+
+    fn form(&self, former: &dyn ImageFormer, device: Option<&dyn Device>) -> Formed {
+        former.form_best(&self.task(device)).unwrap()
+    }
+
+    /// Error against the exact sum with the bound asked for.
+    fn error_db(&self, bound_db: f64, device: &dyn Device) -> f64 {
+        let exact = self.form(&Exact, None).image;
+        let formed = self.form(&Backprojection { error_db: bound_db }, Some(device));
+        assert_eq!(formed.settings["device"], device.name());
+        assert!(!formed.bound_missed);
+        relative_db(&formed.image, &exact)
+    }
+}
+
+fn relative_db(image: &Image, reference: &Image) -> f64 {
+    let (mut error, mut power) = (0.0, 0.0);
+    for (a, b) in image.pixels.iter().zip(&reference.pixels) {
+        error += f64::from((a - b).norm_sqr());
+        power += f64::from(b.norm_sqr());
+    }
+    10.0 * (error / power).log10()
+}
+
+/// Fifteen scatterers at 10 GHz from a bent bistatic track at the given distance.
+fn bent_track(distance_m: f64, num_pulses: usize, extent_m: f64) -> PointTargetHistory {
+    let pulse = |n: usize| {
+        let along = n as f64 / num_pulses as f64 - 0.5;
+        let bend_m = 3.0 * (TAU * along).sin();
+        let transmitter_m = DVec3::new(
+            0.06 * distance_m * along,
+            -0.8 * distance_m + bend_m,
+            0.6 * distance_m,
+        );
+        let receiver_m = transmitter_m + DVec3::new(0.02 * distance_m, 1.0, -2.0);
+        Pulse {
+            time_s: n as f64,
+            transmitter_m,
+            receiver_m,
+            reference_m: DVec3::ZERO,
+            reference_path_m: transmitter_m.length() + receiver_m.length(),
+            start_hz: 9.7e9,
+            step_hz: 600e6 / 512.0,
+            sweep: Sweep::AT_ONCE,
+        }
+    };
+    let collection = Collection {
+        name: "bent track".to_owned(),
+        num_samples: 512,
+        pulses: (0..num_pulses).map(pulse).collect(),
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    };
+    let scatterer = |i: u32| {
+        let turn = TAU * f64::from(i) * 0.618_034;
+        let radius = extent_m * (f64::from(i) / 15.0).sqrt();
+        Scatterer {
+            position_m: DVec3::new(radius * turn.cos(), radius * turn.sin(), 0.0),
+            amplitude: Complex64::cis(f64::from(i)),
+        }
+    };
+    PointTargetHistory::new(collection, (0..15).map(scatterer).collect(), None)
+}
+
+#[test]
+fn image_keeps_each_bound() {
+    let Some(gpu) = gpu() else { return };
+    let bench = Bench::new(bent_track(10e3, 150, 15.0), "x=-16:16:0.2,y=-14:14:0.2");
+    for bound_db in [-40.0, -60.0, -70.0, -80.0] {
+        let error_db = bench.error_db(bound_db, gpu);
+        println!("asked {bound_db} dB: {error_db:.1} dB");
+        assert!(error_db <= bound_db, "{bound_db}: {error_db}");
+    }
+}
+
+/// The device, counting the tiles and pulses that it adds.
+#[derive(Debug)]
+struct Counting<'a> {
+    gpu: &'a Gpu,
+    added: AtomicUsize,
+}
+
+struct CountingSums<'a> {
+    sums: Box<dyn TileSums + 'a>,
+    added: &'a AtomicUsize,
+}
+
+impl Device for Counting<'_> {
+    fn name(&self) -> &str {
+        self.gpu.name()
+    }
+
+    fn pixel_ns(&self) -> f64 {
+        self.gpu.pixel_ns()
+    }
+
+    fn start<'a>(&'a self, tiles: &[PatchSize]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
+        Ok(Box::new(CountingSums {
+            sums: self.gpu.start(tiles)?,
+            added: &self.added,
+        }))
+    }
+}
+
+impl TileSums for CountingSums<'_> {
+    fn add(
+        &mut self,
+        block: &ProfileBlock,
+        tiles: &[usize],
+        paths: &[Expansion],
+    ) -> Result<(), DeviceError> {
+        self.added.fetch_add(paths.len(), Ordering::Relaxed);
+        self.sums.add(block, tiles, paths)
+    }
+
+    fn wait(&mut self) -> Result<(), DeviceError> {
+        self.sums.wait()
+    }
+
+    fn take(self: Box<Self>) -> Result<Vec<Complex32>, DeviceError> {
+        self.sums.take()
+    }
+}
+
+/// A short track above the scene: the paths to tiles below it bend too much for the device.
+#[test]
+fn tiles_that_do_not_suit_the_device_are_added_by_the_processor() {
+    let Some(gpu) = gpu() else { return };
+    let mut history = bent_track(10e3, 70, 12.0).collection().clone();
+    for (n, pulse) in history.pulses.iter_mut().enumerate() {
+        let antenna_m = DVec3::new(0.2 * n as f64 - 7.0, 1.0, 90.0);
+        pulse.transmitter_m = antenna_m;
+        pulse.receiver_m = antenna_m;
+        pulse.reference_path_m = 2.0 * antenna_m.length();
+    }
+    let scatterer = Scatterer {
+        position_m: DVec3::new(1.0, 2.0, 0.0),
+        amplitude: Complex64::ONE,
+    };
+    // Tiles of this grid are not multiples of the shader's groups.
+    let bench = Bench::new(
+        PointTargetHistory::new(history, vec![scatterer], None),
+        "x=-150:150.6:0.2,y=-3.2:3.4:0.2",
+    );
+    let counting = Counting {
+        gpu,
+        added: AtomicUsize::new(0),
+    };
+    let error_db = bench.error_db(-60.0, &counting);
+    let added = counting.added.into_inner();
+    println!("{added} tiles and pulses, {error_db:.1} dB");
+    assert!(error_db <= -60.0, "{error_db}");
+    // All would be 70 pulses times 94 x 3 tiles of at most 16 pixels a side.
+    assert!(added > 0 && added < 70 * 94 * 3, "{added}");
+}
+
+#[test]
+fn thesis_scene_keeps_70_db() {
+    let Some(gpu) = gpu() else { return };
+    let history = Preset::Table41.simulate(&Variation::default());
+    let bench = Bench::new(history, "x=-20:20:0.25,y=-20:20:0.25");
+    let error_db = bench.error_db(-70.0, gpu);
+    println!("Table 4.1: {error_db:.1} dB");
+    assert!(error_db <= -70.0, "{error_db}");
+}
+
+/// Value of the spline with coefficients `values` of period `length` at `t`, by the basis function's formula.
+fn spline(values: &[Complex32], degree: usize, t: f64) -> Complex64 {
+    let basis = |x: f64| {
+        let x = x.abs();
+        match degree {
+            2 if x < 0.5 => 0.75 - x * x,
+            2 if x < 1.5 => 0.5 * (1.5 - x).powi(2),
+            3 if x < 1.0 => 2.0 / 3.0 - x * x + x * x * x / 2.0,
+            3 if x < 2.0 => (2.0 - x).powi(3) / 6.0,
+            _ => 0.0,
+        }
+    };
+    let near = t.floor() as i64;
+    let terms = (near - 2..=near + 3).map(|n| {
+        let value = values[n.rem_euclid(values.len() as i64) as usize];
+        Complex64::new(value.re.into(), value.im.into()) * basis(t - n as f64)
+    });
+    terms.sum()
+}
+
+#[test]
+fn sums_of_tiles_equal_float64_sums() {
+    let Some(gpu) = gpu() else { return };
+    let (length, margin, pulses) = (200, 300, 5);
+    let mut seed = 1u32;
+    let mut random = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(seed >> 8) / 8_388_608.0 - 1.0
+    };
+    // Smooth within a bin, as upsampled profiles are.
+    let profile = |random: &mut dyn FnMut() -> f64| -> Vec<Complex32> {
+        let tones: Vec<[f64; 3]> = (0..20)
+            .map(|_| [(30.0 * random()).round(), random(), random()])
+            .collect();
+        let value = |l: usize| {
+            let tone = |[k, re, im]: &[f64; 3]| {
+                Complex64::new(*re, *im) * Complex64::cis(TAU * k * l as f64 / length as f64)
+            };
+            let z: Complex64 = tones.iter().map(tone).sum();
+            Complex32::new(z.re as f32, z.im as f32)
+        };
+        (0..length).map(value).collect()
+    };
+    for degree in [2, 3] {
+        let profiles: Vec<Vec<Complex32>> = (0..pulses).map(|_| profile(&mut random)).collect();
+        let rows = profiles.iter().flat_map(|profile| {
+            let from = length - margin % length;
+            profile
+                .iter()
+                .copied()
+                .cycle()
+                .skip(from)
+                .take(length + 2 * margin)
+        });
+        let rows: Vec<Complex32> = rows.collect();
+        let sizes = [(1, 1), (16, 16), (17, 40), (64, 33)]
+            .map(|(rows, columns)| PatchSize { rows, columns });
+        let mut path = || Expansion {
+            legs_m: [1e3; 2],
+            at: 1e5 * random(),
+            first: [random(), 2.0 * random()],
+            second: [2e-4 * random(), 2e-4 * random(), 2e-4 * random()],
+            third: [
+                2e-7 * random(),
+                2e-7 * random(),
+                2e-7 * random(),
+                2e-7 * random(),
+            ],
+        };
+        // The third tile is left out.
+        let taken = [0, 1, 3];
+        let paths: Vec<Expansion> = (0..taken.len() * pulses).map(|_| path()).collect();
+        let carriers: Vec<f64> = (0..pulses).map(|n| 9.3 + n as f64).collect();
+        let block = ProfileBlock {
+            degree,
+            length,
+            margin,
+            profiles: &rows,
+            carriers: &carriers,
+        };
+        let mut sums = gpu.start(&sizes).unwrap();
+        sums.add(&block, &taken, &paths).unwrap();
+        sums.add(&block, &taken[..1], &paths[..pulses]).unwrap();
+        let got = sums.take().unwrap();
+        let count = |size: &PatchSize| size.rows * size.columns;
+        assert_eq!(got.len(), sizes.iter().map(count).sum::<usize>());
+        let mut first = 0;
+        for (tile, size) in sizes.iter().enumerate() {
+            let own = &got[first..first + count(size)];
+            first += count(size);
+            let Some(place) = taken.iter().position(|&taken| taken == tile) else {
+                assert!(own.iter().all(|z| *z == Complex32::ZERO));
+                continue;
+            };
+            let paths = &paths[place * pulses..][..pulses];
+            let (mut error, mut power) = (0.0, 0.0);
+            for (p, z) in own.iter().enumerate() {
+                let i = (p % size.columns) as f64 - 0.5 * (size.columns as f64 - 1.0);
+                let j = (p / size.columns) as f64 - 0.5 * (size.rows as f64 - 1.0);
+                let term = |n: usize| {
+                    let Expansion {
+                        at,
+                        first,
+                        second,
+                        third,
+                        ..
+                    } = paths[n];
+                    let t = at
+                        + first[0] * i
+                        + first[1] * j
+                        + second[0] * i * i
+                        + second[1] * i * j
+                        + second[2] * j * j
+                        + third[0] * i * i * i
+                        + third[1] * i * i * j
+                        + third[2] * i * j * j
+                        + third[3] * j * j * j;
+                    Complex64::cis(TAU * (carriers[n] * t).fract())
+                        * spline(&profiles[n], degree, t)
+                };
+                let sum: Complex64 = (0..pulses).map(term).sum();
+                let times = if tile == 0 { 2.0 } else { 1.0 };
+                let got = Complex64::new(z.re.into(), z.im.into());
+                error += (got - sum * times).norm_sqr();
+                power += (sum * times).norm_sqr();
+            }
+            let error_db = 10.0 * (error / power).log10();
+            println!(
+                "degree {degree}, {} x {}: {error_db:.1} dB",
+                size.rows, size.columns
+            );
+            assert!(error_db < -100.0, "{degree} {tile}: {error_db}");
+        }
+    }
+}
+
+#[test]
+fn pulses_are_refused_that_exceed_a_buffer() {
+    let Some(gpu) = gpu() else { return };
+    let size = PatchSize {
+        rows: 1,
+        columns: 1,
+    };
+    let mut sums = gpu.start(&[size]).unwrap();
+    // One more row than the largest buffer of a Vulkan driver on the processor.
+    let length = 1 << 27;
+    let profiles = vec![Complex32::ZERO; length];
+    let block = ProfileBlock {
+        degree: 3,
+        length,
+        margin: 0,
+        profiles: &profiles,
+        carriers: &[1.0],
+    };
+    let path = Expansion {
+        legs_m: [1.0; 2],
+        at: 0.0,
+        first: [0.0; 2],
+        second: [0.0; 3],
+        third: [0.0; 4],
+    };
+    match sums.add(&block, &[0], &[path]) {
+        Ok(()) => sums.wait().unwrap(),
+        Err(error) => assert!(error.to_string().contains("largest buffer"), "{error}"),
+    }
+}
+
+struct Cancelled;
+
+impl Monitor for Cancelled {
+    fn progress(&self, _: f64) {}
+
+    fn cancelled(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn forming_is_cancelled() {
+    let Some(gpu) = gpu() else { return };
+    let bench = Bench::new(bent_track(10e3, 100, 15.0), "x=-16:16:0.2,y=-14:14:0.2");
+    let task = Task {
+        monitor: &Cancelled,
+        ..bench.task(Some(gpu))
+    };
+    let error = Backprojection { error_db: -60.0 }
+        .form_best(&task)
+        .unwrap_err();
+    assert!(matches!(error, FormError::Cancelled), "{error}");
+}
