@@ -27,10 +27,12 @@
 //! *All pixels.* Of an image of 128 or fewer pixels all are compared, and `E` is the sum itself. So it is where a small image would
 //! exceed the bound by the formula: then the sum decides.
 //!
-//! *Pixels spread evenly alone.* The second pass is left out where the first settles that the bound is kept, and pulses of a
+//! *Pixels spread evenly alone.* The second pass is left out where the first settles that the bound is kept: the grid is bright, and the planned error, times `1 + T / M` in power
+//! where the compared pixels are weaker than the image, keeps the bound and is not exceeded at these pixels. Pulses of a
 //! live image cannot be read again. Then `E` is the estimate from the pixels spread evenly times `C`: 1.6 where they err as planned, 2
 //! where they err by more, and 10 where errors may sit in few pixels: where they err by 6 dB more than planned, the grid is dark (`M`
-//! less than 0.3 of `T`, the power that noise would show), or their mean square is less than half of `M`.
+//! less than 0.3 of `T`, the power that noise would show), or their mean square is less than half of `M`. In the last case `C` is 1.6 if the grid is bright and the
+//! error is as expected; the planned error power of the pixels that were not compared is added.
 //!
 //! *Planned again.* Where the plan keeps the bound and the image exceeds it, the image is formed once more with a stricter plan
 //! ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), at more than twice the work. If that exceeds the bound too, it is an error.
@@ -255,8 +257,8 @@ pub fn comparison_cost(spec: &ImageSpec) -> StageCost {
 }
 
 /// Error of an image from the records of all tiles and, where needed, from a second pass at pixels with the image's power. The second pass is
-/// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels are as bright as the image and err no more than planned, and the
-/// planned error plus the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
+/// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than expected ([`Compared::expected`]), and the
+/// expected error plus the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
 /// in addition to echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
 /// overlaps. A second pass reads all pulses of `history` again. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
 ///
@@ -276,15 +278,13 @@ pub(super) fn judge_again(
     let power = |db: f64| libm::pow(10.0, db / 10.0);
     // The same bound with the whole planned error in place of the part that makes echoes.
     let outside_db = judgement.outside_db + (planned.planned_db - planned.stray_db);
-    let keeps = |bound_db: f64| {
-        let all = power(planned.planned_db) + power(outside_db);
-        all <= power(bound_db) && judgement.predicted_db() <= bound_db
+    let expected = compared.expected(planned.planned_db);
+    let expected = expected.filter(|&expected| compared.shown() <= expected);
+    let keeps = |(bound_db, expected): (f64, f64)| {
+        expected + power(outside_db) <= power(bound_db) && judgement.predicted_db() <= bound_db
     };
     let is_predicted = outside_db <= planned.planned_db.max(judgement.outside_db);
-    let settled = goal.bound_db.is_some_and(keeps)
-        && is_predicted
-        && !compared.is_uneven()
-        && compared.shown() <= power(planned.planned_db);
+    let settled = is_predicted && goal.bound_db.zip(expected).is_some_and(keeps);
     if settled || compared.count == compared.total {
         return Ok(judgement);
     }

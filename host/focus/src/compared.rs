@@ -122,6 +122,20 @@ impl Compared {
         self.error / self.count as f64 / self.mean
     }
 
+    /// Largest error power expected of the image, relative to its power; `None` for a dark grid, which may have any error.
+    ///
+    /// It is the planned one where compared pixels are as bright as the image. Where they are weaker, pixels that were not compared have the image's power.
+    /// Errors of terms that add in phase there are at most the planned part of that power, and errors of terms that cancel elsewhere are the planned part of the
+    /// power of all terms: `1 + T / M` times the planned error power.
+    pub(super) fn expected(&self, planned_db: f64) -> Option<f64> {
+        let planned = libm::pow(10.0, planned_db / 10.0);
+        match () {
+            () if self.is_dark() => None,
+            () if self.is_uneven() => Some(planned * (1.0 + self.terms / self.mean)),
+            () => Some(planned),
+        }
+    }
+
     /// Whether the error may be concentrated in pixels that were not compared: the image is much weaker than noise of the same sample power, or
     /// the compared pixels are much weaker than the image.
     pub(super) fn is_uneven(&self) -> bool {
@@ -173,13 +187,16 @@ pub(super) fn measure(
     } else if shown > SPOILT {
         UNEVEN_SCATTER * error / exact
     } else {
-        let above = shown / libm::pow(10.0, planned_db / 10.0);
-        shown
-            * match () {
-                () if compared.is_uneven() || above > UNEVEN => UNEVEN_SCATTER,
-                () if above > 1.0 => LARGER_SCATTER,
-                () => SCATTER,
-            }
+        let planned = libm::pow(10.0, planned_db / 10.0);
+        let is_expected = compared
+            .expected(planned_db)
+            .is_some_and(|expected| shown <= expected);
+        match () {
+            () if compared.is_uneven() && is_expected => planned + SCATTER * shown,
+            () if compared.is_uneven() || shown > UNEVEN * planned => UNEVEN_SCATTER * shown,
+            () if shown > planned => LARGER_SCATTER * shown,
+            () => SCATTER * shown,
+        }
     };
     // The phases of the reference sum are rounded as well. Terms round independently, so the effect is small relative to their summed power,
     // not relative to the remainder after cancellation.

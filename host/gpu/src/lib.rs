@@ -38,7 +38,7 @@ pub use error::GpuError;
 /// Kinds of device to open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Hardware only.
+    /// Hardware: a discrete, integrated or virtual GPU.
     Hardware,
     /// Hardware or, without any, a driver that runs on the processor, such as Mesa's lavapipe.
     Any,

@@ -145,7 +145,7 @@ impl<'a> Sums<'a> {
             pass.dispatch_workgroups(across, down, tiles.len() as u32);
         }
         let now = gpu.queue.submit([encoder.finish()]);
-        // Copies of what was written are released once the device has read them; two submissions are under way at most.
+        // The copies that the queue makes are released once the device has read them: two submissions are pending at most.
         if let Some(before) = self.before.replace(now) {
             let waiting = wgpu::PollType::Wait {
                 submission_index: Some(before),

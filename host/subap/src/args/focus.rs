@@ -89,7 +89,7 @@ pub(crate) struct Focus {
 /// Device that forms an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DeviceChoice {
-    /// The processor
+    /// The processor, without a GPU
     Cpu,
     /// A GPU by Vulkan or Metal, or a driver of these on the processor; needs the feature gpu
     Gpu,
