@@ -1,6 +1,6 @@
 //! Statistics of times in the benchmark program.
 
-use subaperture_tests::statistics::{exponent, is_slower, quartiles};
+use subaperture_tests::statistics::{exponent, fastest_within, is_slower, quartiles};
 
 #[test]
 fn exponent_is_that_of_power_law() {
@@ -28,4 +28,13 @@ fn times_spread_about_limit_are_not_slower() {
     assert!(!is_slower(&[1.2, 1.0, 1.3, 1.05, 1.2, 0.9, 1.18], 1.1));
     assert!(!is_slower(&[1.0; 7], 1.1));
     assert!(!is_slower(&[], 1.1));
+}
+
+#[test]
+fn fastest_within_error_skips_faster_ones_with_larger_errors() {
+    let measured = [(-60.0, 3.0), (-30.0, 1.0), (-45.0, 2.0), (-45.0, 2.5)];
+    assert_eq!(fastest_within(-20.0, &measured), Some(1));
+    assert_eq!(fastest_within(-45.0, &measured), Some(2));
+    assert_eq!(fastest_within(-50.0, &measured), Some(0));
+    assert_eq!(fastest_within(-70.0, &measured), None);
 }

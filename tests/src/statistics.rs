@@ -33,3 +33,10 @@ pub fn quartiles(values: &[f64]) -> Option<[f64; 3]> {
 pub fn is_slower(ratios: &[f64], limit: f64) -> bool {
     quartiles(ratios).is_some_and(|[lower, _, _]| lower > limit)
 }
+
+/// Index of the shortest time among `(error, time)` whose error is at most `error`; `None` if all errors are larger.
+pub fn fastest_within(error: f64, measured: &[(f64, f64)]) -> Option<usize> {
+    let within = measured.iter().enumerate().filter(|(_, m)| m.0 <= error);
+    let fastest = within.min_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
+    fastest.map(|(index, _)| index)
+}

@@ -39,7 +39,7 @@ pub(crate) fn print(options: &Options, revision: &str) -> Result<ExitCode, Strin
         "Against {revision} ({commit}), {} rounds. Ratios are new times over old ones: quartiles and median.\n",
         options.rounds
     );
-    for case in &options.cases {
+    for case in options.cases() {
         println!("- {case}");
     }
     println!(
@@ -47,7 +47,7 @@ pub(crate) fn print(options: &Options, revision: &str) -> Result<ExitCode, Strin
          |---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     let mut slower = Vec::new();
-    for case in &options.cases {
+    for case in options.cases() {
         for &threads in &options.threads {
             for asked in options.formers.iter().filter(|asked| !asked.is_oracle) {
                 eprintln!("case {}, {} on {threads}", case.name, asked.text);

@@ -25,10 +25,10 @@ use options::Options;
 
 const HELP: &str = "\
 Usage: cargo xtask bench [CASE..] [OPTION..]          the table
-       cargo xtask bench growth [OPTION..]            how time grows with pixels, pulses and range bins
        cargo xtask bench --against REV [CASE..]       this revision against another, interleaved
 
-Cases: a, straight, b, c, large, large-whole, gotcha, or PULSESxSAMPLESxSIDE; all but large-whole unless named.
+Cases: a, straight, b, c, large, large-whole, gotcha, PULSESxSAMPLESxSIDE, or growth (with pixels, pulses and range bins);
+all but large-whole and growth unless named.
 
   --formers LIST    such as bp:-45,ffbp,rdbp-thesis: name and bound in dB, -60 unless given; all unless named
   --threads LIST    such as 1,2, the default; a former too slow on more threads is not run on fewer
@@ -36,8 +36,8 @@ Cases: a, straight, b, c, large, large-whole, gotcha, or PULSESxSAMPLESxSIDE; al
   --limit SECONDS   stop a measurement that takes longer, and state it in its row [20]
   --memory-mib N    memory budget of formers [8192]
   --rounds N        of --against [7]
-  --peers           torchbp too, installed into target/bench/torchbp if it is not there (some gigabytes)
-  --no-peers        not even where it is installed";
+  --peers           torchbp and FastSAR too, installed into target/bench if missing (some gigabytes)
+  --no-peers        not even where they are installed";
 
 /// Version of the measurements: numbers of different versions cannot be compared.
 const PROTOCOL: &str = "subaperture-bench-1";
@@ -78,7 +78,6 @@ fn done(words: &[&str]) -> Result<ExitCode, String> {
         ["sum", case, points, values] => {
             recording::sum_at(&Case::named(case)?, Path::new(points), Path::new(values))?;
         }
-        ["growth", ref words @ ..] => growth::print(&Options::parse(words)?)?,
         _ => {
             let options = Options::parse(words)?;
             match &options.against {

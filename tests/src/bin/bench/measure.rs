@@ -1,11 +1,11 @@
 //! One measurement in a separate process: a former, a case, a number of threads.
 //!
 //! **Time** is that of forming the image from samples in memory, including the plan and the error estimate of every image: the minimum over
-//! some rounds. Processor time is that of all threads in the same round, to a hundredth of a second, without other programs. **Error** is
-//! relative RMS over the image, unscaled and after the best complex factor: the error against the float64 sum at some hundred pixels,
-//! weighted by the pixels that they represent, over the power of all. **Memory** is the peak of the process, including the samples and
-//! about 10 MiB of program. **Operations** are those that the former states ([`subaperture::focus::cost`]): real additions, multiplications
-//! and roots. **Bytes** are a lower limit of transfers: samples read once, pixels written once.
+//! some rounds. **Processor time** is that of all threads, without other programs: the minimum too. **Error** is relative RMS over the image,
+//! unscaled and after the best complex factor: the error against the float64 sum at some hundred pixels, weighted by the pixels that they
+//! represent, over the power of all. **Memory** is the peak of the process, including the samples and about 10 MiB of program.
+//! **Operations** are those that the former states ([`subaperture::focus::cost`]): real additions, multiplications and roots. **Bytes** are
+//! a lower limit of transfers: samples read once, pixels written once.
 
 use std::time::Instant;
 
@@ -18,7 +18,6 @@ use subaperture::monitor::Silent;
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture_xtask::processor::{self, Of};
 
 use crate::case::Case;
 use crate::recording::{self, Judged};
@@ -108,7 +107,7 @@ impl Asked {
 pub(crate) struct Measured {
     /// Minimum of time, seconds.
     pub(crate) seconds: f64,
-    /// Processor time of all threads in the same round, seconds.
+    /// Minimum of the processor time of all threads, seconds.
     pub(crate) processor_s: f64,
     /// Number of rounds.
     pub(crate) turns: usize,
@@ -151,7 +150,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         ..Task::new(&history, &grid, &weights)
     };
     let begun = Instant::now();
-    let mut shortest = [f64::INFINITY, 0.0];
+    let mut shortest = [f64::INFINITY; 2];
     let mut stages = String::new();
     let mut turns = 0;
     let formed = loop {
@@ -167,10 +166,11 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         let (start, before_s) = (Instant::now(), processor_seconds());
         let formed = former.form_best(&task).map_err(|error| error.to_string())?;
         let seconds = start.elapsed().as_secs_f64();
+        let processor_s = processor_seconds() - before_s;
         if seconds < shortest[0] {
-            shortest = [seconds, processor_seconds() - before_s];
-            stages = shares(&times.taken(), shortest[1]);
+            stages = shares(&times.taken(), processor_s);
         }
+        shortest = [seconds.min(shortest[0]), processor_s.min(shortest[1])];
         turns += 1;
         if turns == MAX_TURNS || begun.elapsed().as_secs_f64() > ENOUGH_S {
             break formed;
@@ -202,7 +202,13 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
 
 /// Processor time of this process so far, seconds; 0 where the system does not report it.
 fn processor_seconds() -> f64 {
-    processor::seconds(Of::Own).unwrap_or(0.0)
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+    }
+    #[cfg(not(unix))]
+    0.0
 }
 
 /// Shares of the stages in the processor time, such as `maps 40 %`.

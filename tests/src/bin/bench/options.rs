@@ -3,12 +3,13 @@
 use std::time::Duration;
 
 use crate::case::{Case, USUAL};
+use crate::growth::Series;
 use crate::measure::{Asked, MEMORY_BYTES};
 
 /// Parsed options.
 #[derive(Debug)]
 pub(crate) struct Options {
-    pub(crate) cases: Vec<Case>,
+    pub(crate) series: Vec<Series>,
     pub(crate) formers: Vec<Asked>,
     pub(crate) threads: Vec<usize>,
     /// Time limit of a measurement.
@@ -33,6 +34,11 @@ pub(crate) enum Peers {
 }
 
 impl Options {
+    /// Cases of all series.
+    pub(crate) fn cases(&self) -> impl Iterator<Item = &Case> {
+        self.series.iter().flat_map(|series| &series.cases)
+    }
+
     /// Parse the words of the command line.
     ///
     /// # Errors
@@ -42,7 +48,7 @@ impl Options {
         let [mut cases, mut formers, mut threads] = [const { Vec::new() }; 3];
         let mut quick = false;
         let mut options = Self {
-            cases: Vec::new(),
+            series: Vec::new(),
             formers: Vec::new(),
             threads: Vec::new(),
             limit: Duration::from_secs(20),
@@ -85,10 +91,9 @@ impl Options {
                 false => USUAL.to_vec(),
             };
         }
-        options.cases = cases
-            .into_iter()
-            .map(Case::named)
-            .collect::<Result<_, _>>()?;
+        for word in cases {
+            options.series.extend(Series::named(word)?);
+        }
         options.formers = match formers.is_empty() {
             true => Asked::usual(),
             false => formers
