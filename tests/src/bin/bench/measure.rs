@@ -75,11 +75,11 @@ impl Asked {
         })
     }
 
-    /// Formers measured by default: the whole list, backprojection with a coarser bound, the thesis's mode.
+    /// Formers measured by default: the whole list, some with coarser bounds too, the thesis's mode.
     pub(crate) fn usual() -> Vec<Self> {
         let names = FORMERS.iter().flat_map(|entry| match entry.name {
             "bp" => vec!["bp:-45", "bp"],
-            "rdbp" => vec!["rdbp-thesis", "rdbp:-45", "rdbp"],
+            "rdbp" => vec!["rdbp-thesis", "rdbp:-30", "rdbp:-45", "rdbp"],
             "ffbp" => vec!["ffbp:-45", "ffbp"],
             // `auto` is one of the others.
             "auto" => vec![],

@@ -16,7 +16,7 @@ use crate::measure::Measured;
 use crate::options::Peers;
 use crate::recording::{self, place};
 
-/// Another program.
+/// Image former of another project, in Python.
 #[derive(Debug)]
 pub(crate) struct Program {
     /// Name in the table.
@@ -64,11 +64,11 @@ const PROGRAMS: [Program; 2] = [
     },
 ];
 
-/// An installed program.
+/// Program and the Python environment in which it is installed.
 #[derive(Debug)]
 pub(crate) struct Peer {
     program: &'static Program,
-    /// Its environment.
+    /// Folder of its Python environment.
     folder: PathBuf,
 }
 
