@@ -8,8 +8,6 @@ use num_complex::Complex32;
 
 pub use subaperture_kernels::tile::Expansion;
 
-use crate::patch::PatchSize;
-
 /// Device that adds pulses to tiles of pixels.
 pub trait Device: fmt::Debug + Sync {
     /// Name for records and messages.
@@ -18,11 +16,11 @@ pub trait Device: fmt::Debug + Sync {
     /// Time per pixel and pulse, nanoseconds.
     fn pixel_ns(&self) -> f64;
 
-    /// Sums over the pixels of tiles of the given sizes, all 0.
+    /// Sums over the pixels of tiles with the given numbers of rows and columns, all 0.
     ///
     /// # Errors
     /// [`DeviceError`] if the device has no memory for them.
-    fn start<'a>(&'a self, tiles: &[PatchSize]) -> Result<Box<dyn TileSums + 'a>, DeviceError>;
+    fn start<'a>(&'a self, tiles: &[[usize; 2]]) -> Result<Box<dyn TileSums + 'a>, DeviceError>;
 }
 
 /// Sums over the pixels of tiles, held by a device.

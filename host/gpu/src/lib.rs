@@ -21,51 +21,34 @@
 //!
 //! **Cost** per pixel and pulse: about 70 operations and `degree + 1` complex reads from a profile that neighbouring pixels share.
 
+mod adapter;
 mod error;
 mod paths;
 mod sums;
 
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use num_complex::Complex32;
 use subaperture_focus::device::{Device, DeviceError, Expansion, ProfileBlock, TileSums};
-use subaperture_focus::patch::PatchSize;
 
+use adapter::Adapter;
+pub use adapter::Kind;
 pub use error::GpuError;
-
-/// Kinds of device to open.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Hardware: a discrete, integrated or virtual GPU.
-    Hardware,
-    /// Hardware or, without any, a driver that runs on the processor, such as Mesa's lavapipe.
-    Any,
-}
 
 /// GPU opened for backprojection.
 pub struct Gpu {
-    name: String,
-    device: wgpu::Device,
-    queue: wgpu::Queue,
-    /// Pipelines for spline degrees 2 and 3.
-    pipelines: [wgpu::ComputePipeline; 2],
-    /// Largest buffer of a shader, bytes.
-    binding_bytes: u64,
-    /// First error that the device has reported.
-    fault: Arc<Mutex<Option<String>>>,
+    adapter: Adapter,
     pixel_ns: f64,
 }
 
 impl fmt::Debug for Gpu {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Gpu").field("name", &self.name).finish()
+        f.debug_struct("Gpu")
+            .field("name", &self.adapter.name)
+            .finish()
     }
 }
-
-/// Backends that wgpu may use: OpenGL lacks storage buffers on some drivers.
-const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL);
 
 /// Side of the tiles and number of pulses of the measurement of speed, and its shortest sufficient time, s.
 const SIDE: usize = 64;
@@ -75,69 +58,17 @@ const LONG_ENOUGH_S: f64 = 0.01;
 const MAX_TILES: usize = 1024;
 
 impl Gpu {
-    /// Open the fastest kind of GPU there is: discrete, integrated, virtual, and for [`Kind::Any`] a driver on the processor. Measures its speed.
+    /// Open a discrete GPU, else an integrated or a virtual one, else for [`Kind::Any`] a driver on the processor, and measure its speed.
     ///
     /// # Errors
     /// [`GpuError`].
     pub fn open(kind: Kind) -> Result<Self, GpuError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
-            backends: BACKENDS,
-            ..wgpu::InstanceDescriptor::new_without_display_handle()
-        });
-        let adapters = pollster::block_on(instance.enumerate_adapters(BACKENDS));
-        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        };
-        let allowed = |adapter: &wgpu::Adapter| kind == Kind::Any || rank(adapter) < 4;
-        let found: Vec<String> = adapters.iter().map(|own| own.get_info().name).collect();
-        let adapter = adapters.into_iter().filter(allowed).min_by_key(rank);
-        let adapter = adapter.ok_or(GpuError::NotFound { found })?;
-        let limits = adapter.limits();
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("subaperture"),
-            required_limits: limits.clone(),
-            ..Default::default()
-        }))
-        .map_err(|error| GpuError::Refused {
-            name: adapter.get_info().name,
-            why: error.to_string(),
-        })?;
-        let fault = Arc::new(Mutex::new(None));
-        let kept = fault.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-            kept.get_or_insert_with(|| error.to_string());
-        }));
-        let module = device.create_shader_module(wgpu::include_wgsl!("backproject.wgsl"));
-        let pipelines = [2.0, 3.0].map(|degree| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("backproject"),
-                layout: None,
-                module: &module,
-                entry_point: None,
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[("degree", degree)],
-                    ..Default::default()
-                },
-                cache: None,
-            })
-        });
-        let info = adapter.get_info();
         let mut gpu = Self {
-            name: format!("{} ({})", info.name, info.driver_info).replace(" ()", ""),
-            device,
-            queue,
-            pipelines,
-            binding_bytes: limits.max_storage_buffer_binding_size,
-            fault,
+            adapter: Adapter::open(kind)?,
             pixel_ns: f64::NAN,
         };
         gpu.pixel_ns = gpu.measure().map_err(|error| GpuError::Refused {
-            name: gpu.name.clone(),
+            name: gpu.adapter.name.clone(),
             why: error.to_string(),
         })?;
         Ok(gpu)
@@ -163,11 +94,7 @@ impl Gpu {
         };
         let mut count = 4;
         loop {
-            let size = PatchSize {
-                rows: SIDE,
-                columns: SIDE,
-            };
-            let (sizes, all) = (vec![size; count], Vec::from_iter(0..count));
+            let (sizes, all) = (vec![[SIDE; 2]; count], Vec::from_iter(0..count));
             let paths = vec![path; count * PULSES];
             let mut sums = self.start(&sizes)?;
             // The first block also creates buffers.
@@ -183,27 +110,18 @@ impl Gpu {
             count *= 4;
         }
     }
-
-    /// Report the first error of the device, if any.
-    fn check(&self) -> Result<(), DeviceError> {
-        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*fault {
-            Some(message) => Err(DeviceError::new(&self.name, message)),
-            None => Ok(()),
-        }
-    }
 }
 
 impl Device for Gpu {
     fn name(&self) -> &str {
-        &self.name
+        &self.adapter.name
     }
 
     fn pixel_ns(&self) -> f64 {
         self.pixel_ns
     }
 
-    fn start<'a>(&'a self, tiles: &[PatchSize]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
-        Ok(Box::new(sums::Sums::new(self, tiles)?))
+    fn start<'a>(&'a self, tiles: &[[usize; 2]]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
+        Ok(Box::new(sums::Sums::new(&self.adapter, tiles)?))
     }
 }

@@ -1,7 +1,6 @@
 //! Parameters of the shader for a pulse and a tile.
 
 use subaperture_focus::device::Expansion;
-use subaperture_focus::patch::PatchSize;
 
 /// Values per pulse and tile.
 pub(crate) const VALUES: usize = 16;
@@ -15,14 +14,14 @@ fn fixed(cycles: f64) -> u32 {
 /// Parameters of a path over a tile, in the order in which the shader reads them. Profiles have `length` bins of `kappa` carrier cycles.
 pub(crate) fn parameters(
     path: &Expansion,
-    tile: &PatchSize,
+    [rows, columns]: [usize; 2],
     kappa: f64,
     length: usize,
 ) -> [u32; VALUES] {
     let bins = length as f64;
     let half = |count: usize| 0.5 * (count as f64 - 1.0);
     let ([i, j], [a, b, c], [d, e, f, g]) = (path.first, path.second, path.third);
-    let corner = path.at - i * half(tile.columns) - j * half(tile.rows);
+    let corner = path.at - i * half(columns) - j * half(rows);
     let position = path.at - (path.at / bins).floor() * bins;
     // Rounding may make the position the length itself, the first bin of the next period.
     let bin = (position.floor() as usize).min(length - 1);

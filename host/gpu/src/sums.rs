@@ -6,9 +6,8 @@ use bytemuck::{cast_slice, pod_collect_to_vec};
 use num_complex::Complex32;
 use rayon::prelude::*;
 use subaperture_focus::device::{DeviceError, Expansion, ProfileBlock, TileSums};
-use subaperture_focus::patch::PatchSize;
 
-use crate::Gpu;
+use crate::adapter::Adapter;
 use crate::paths::{VALUES, parameters};
 
 /// Pixels along a side of the shader's workgroup.
@@ -26,8 +25,9 @@ struct Part {
 }
 
 pub(crate) struct Sums<'a> {
-    gpu: &'a Gpu,
-    sizes: Vec<PatchSize>,
+    gpu: &'a Adapter,
+    /// Rows and columns of each tile.
+    sizes: Vec<[usize; 2]>,
     /// First sum of each tile in its part's buffer.
     offsets: Vec<u32>,
     parts: Vec<Part>,
@@ -37,12 +37,12 @@ pub(crate) struct Sums<'a> {
     before: Option<wgpu::SubmissionIndex>,
 }
 
-fn pixels(tile: &PatchSize) -> usize {
-    tile.rows * tile.columns
+fn pixels([rows, columns]: &[usize; 2]) -> usize {
+    rows * columns
 }
 
 impl<'a> Sums<'a> {
-    pub(crate) fn new(gpu: &'a Gpu, sizes: &[PatchSize]) -> Result<Self, DeviceError> {
+    pub(crate) fn new(gpu: &'a Adapter, sizes: &[[usize; 2]]) -> Result<Self, DeviceError> {
         let most = (gpu.binding_bytes / 8) as usize;
         let mut offsets = Vec::with_capacity(sizes.len());
         let (mut parts, mut count) = (Vec::new(), 0);
@@ -97,11 +97,11 @@ impl<'a> Sums<'a> {
             .for_each(|((values, paths), &tile)| {
                 let carriers = paths.iter().zip(block.carriers);
                 for (values, (path, &kappa)) in values.chunks_exact_mut(VALUES).zip(carriers) {
-                    values.copy_from_slice(&parameters(path, &sizes[tile], kappa, block.length));
+                    values.copy_from_slice(&parameters(path, sizes[tile], kappa, block.length));
                 }
             });
         let header = |&tile: &usize| {
-            let PatchSize { rows, columns } = sizes[tile];
+            let [rows, columns] = sizes[tile];
             [self.offsets[tile], columns as u32, rows as u32, 0]
         };
         let headers: Vec<[u32; 4]> = tiles.iter().map(header).collect();
@@ -132,11 +132,11 @@ impl<'a> Sums<'a> {
             layout: &pipeline.get_bind_group_layout(0),
             entries: &entries.collect::<Vec<_>>(),
         });
-        let groups = |side: fn(&PatchSize) -> usize| {
-            let sides = tiles.iter().map(|&tile| side(&sizes[tile]));
+        let groups = |axis: usize| {
+            let sides = tiles.iter().map(|&tile| sizes[tile][axis]);
             sides.max().unwrap_or(0).div_ceil(GROUP) as u32
         };
-        let (across, down) = (groups(|own| own.columns), groups(|own| own.rows));
+        let [down, across] = [0, 1].map(groups);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
             let mut pass = encoder.begin_compute_pass(&Default::default());
@@ -157,7 +157,7 @@ impl<'a> Sums<'a> {
     }
 }
 
-impl Gpu {
+impl Adapter {
     fn buffer(&self, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: None,

@@ -9,7 +9,6 @@ use num_complex::{Complex32, Complex64};
 use subaperture_focus::bp::Backprojection;
 use subaperture_focus::device::{Device, DeviceError, Expansion, ProfileBlock, TileSums};
 use subaperture_focus::exact::Exact;
-use subaperture_focus::patch::PatchSize;
 use subaperture_focus::{FormError, Formed, ImageFormer, Numerics, Task};
 use subaperture_gpu::{Gpu, Kind};
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
@@ -167,7 +166,7 @@ impl Device for Counting<'_> {
         self.gpu.pixel_ns()
     }
 
-    fn start<'a>(&'a self, tiles: &[PatchSize]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
+    fn start<'a>(&'a self, tiles: &[[usize; 2]]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
         Ok(Box::new(CountingSums {
             sums: self.gpu.start(tiles)?,
             added: &self.added,
@@ -292,8 +291,7 @@ fn sums_of_tiles_equal_float64_sums() {
                 .take(length + 2 * margin)
         });
         let rows: Vec<Complex32> = rows.collect();
-        let sizes = [(1, 1), (16, 16), (17, 40), (64, 33)]
-            .map(|(rows, columns)| PatchSize { rows, columns });
+        let sizes = [[1, 1], [16, 16], [17, 40], [64, 33]];
         let mut path = || Expansion {
             legs_m: [1e3; 2],
             at: 1e5 * random(),
@@ -321,11 +319,12 @@ fn sums_of_tiles_equal_float64_sums() {
         sums.add(&block, &taken, &paths).unwrap();
         sums.add(&block, &taken[..1], &paths[..pulses]).unwrap();
         let got = sums.take().unwrap();
-        let count = |size: &PatchSize| size.rows * size.columns;
+        let count = |[rows, columns]: &[usize; 2]| rows * columns;
         assert_eq!(got.len(), sizes.iter().map(count).sum::<usize>());
         let mut first = 0;
         for (tile, size) in sizes.iter().enumerate() {
             let own = &got[first..first + count(size)];
+            let [rows, columns] = *size;
             first += count(size);
             let Some(place) = taken.iter().position(|&taken| taken == tile) else {
                 assert!(own.iter().all(|z| *z == Complex32::ZERO));
@@ -334,8 +333,8 @@ fn sums_of_tiles_equal_float64_sums() {
             let paths = &paths[place * pulses..][..pulses];
             let (mut error, mut power) = (0.0, 0.0);
             for (p, z) in own.iter().enumerate() {
-                let i = (p % size.columns) as f64 - 0.5 * (size.columns as f64 - 1.0);
-                let j = (p / size.columns) as f64 - 0.5 * (size.rows as f64 - 1.0);
+                let i = (p % columns) as f64 - 0.5 * (columns as f64 - 1.0);
+                let j = (p / columns) as f64 - 0.5 * (rows as f64 - 1.0);
                 let term = |n: usize| {
                     let Expansion {
                         at,
@@ -364,10 +363,7 @@ fn sums_of_tiles_equal_float64_sums() {
                 power += (sum * times).norm_sqr();
             }
             let error_db = 10.0 * (error / power).log10();
-            println!(
-                "degree {degree}, {} x {}: {error_db:.1} dB",
-                size.rows, size.columns
-            );
+            println!("degree {degree}, {} x {}: {error_db:.1} dB", rows, columns);
             assert!(error_db < -100.0, "{degree} {tile}: {error_db}");
         }
     }
@@ -376,11 +372,7 @@ fn sums_of_tiles_equal_float64_sums() {
 #[test]
 fn pulses_are_refused_that_exceed_a_buffer() {
     let Some(gpu) = gpu() else { return };
-    let size = PatchSize {
-        rows: 1,
-        columns: 1,
-    };
-    let mut sums = gpu.start(&[size]).unwrap();
+    let mut sums = gpu.start(&[[1, 1]]).unwrap();
     // One more row than the largest buffer of a Vulkan driver on the processor.
     let length = 1 << 27;
     let profiles = vec![Complex32::ZERO; length];

@@ -4,7 +4,7 @@ use hdf5_pure::FileBuilder;
 use subaperture::io::open::{Options, open};
 
 use super::MEMORY_BYTES;
-use super::recordings::examine;
+use super::recordings::{agree_in_memory, examine};
 use super::scratch::with_files;
 use crate::numpy::{array, stored};
 
@@ -108,8 +108,15 @@ pub(super) fn read(bytes: &[u8]) -> String {
             memory_bytes: MEMORY_BYTES,
             ..Options::default()
         };
-        match open(&folder.join("input"), &options) {
-            Ok(history) => examine(&*history, bytes),
+        let path = folder.join("input");
+        match open(&path, &options) {
+            Ok(history) => {
+                // HDF5 is read from files only.
+                if bytes.starts_with(b"PK") {
+                    agree_in_memory(&path, bytes, &*history);
+                }
+                examine(&*history, bytes)
+            }
             Err(error) => error.to_string(),
         }
     })

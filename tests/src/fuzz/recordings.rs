@@ -1,5 +1,7 @@
 //! Recordings: CPHD and MATLAB files, and images from them.
 
+use std::path::Path;
+
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::focus::bp::Backprojection;
@@ -13,9 +15,11 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture::io::cphd::{Channel, Cphd, CphdInfo, Domain, Sgn, WriteOptions, write};
 use subaperture::io::gotcha;
-use subaperture::io::open::{Options, open_sum};
+use subaperture::io::open::{Options, open_bytes, open_sum};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights};
+use subaperture::phase_history::{
+    Collection, InMemory, PhaseHistory, Pulse, ReadError, Sweep, Weights,
+};
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
 
@@ -175,6 +179,9 @@ pub(super) fn cphd(bytes: &[u8]) -> String {
         for channel in named.chain([None]) {
             outcome += &match Cphd::open(&path, channel, MEMORY_BYTES) {
                 Ok(history) => {
+                    if channel.is_none() {
+                        agree_in_memory(&path, bytes, &history);
+                    }
                     let again = folder.join("again.cphd");
                     format!(
                         "{:?} {} {}",
@@ -200,8 +207,12 @@ pub(super) fn cphd(bytes: &[u8]) -> String {
 
 pub(super) fn matlab(bytes: &[u8]) -> String {
     with_files(&[("input.mat", bytes)], |folder| {
-        match gotcha::read(folder.join("input.mat"), MEMORY_BYTES) {
-            Ok(history) => examine(&history, bytes),
+        let path = folder.join("input.mat");
+        match gotcha::read(&path, MEMORY_BYTES) {
+            Ok(history) => {
+                agree_in_memory(&path, bytes, &history);
+                examine(&history, bytes)
+            }
             Err(error) => error.to_string(),
         }
     })
@@ -211,6 +222,23 @@ pub(super) fn matlab(bytes: &[u8]) -> String {
 pub(super) fn matlab_packed(bytes: &[u8]) -> String {
     let (header, element) = bytes.split_at(bytes.len().min(128));
     matlab(&[header, &compressed(element)].concat())
+}
+
+/// Read the bytes of a file in memory: the samples are those of the file, or the memory does not suffice for the bytes.
+pub(super) fn agree_in_memory(path: &Path, bytes: &[u8], of_file: &dyn PhaseHistory) {
+    let options = Options {
+        memory_bytes: MEMORY_BYTES,
+        ..Options::default()
+    };
+    match open_bytes(path, bytes.to_vec(), &options) {
+        Ok(history) => {
+            assert_eq!(history.collection().pulses, of_file.collection().pulses);
+            let [got, expected] = [&*history, of_file].map(samples);
+            assert_eq!(got.ok(), expected.ok());
+        }
+        Err(ReadError::Memory { .. }) => {}
+        Err(error) => panic!("accepted as a file and refused in memory: {error}"),
+    }
 }
 
 /// Samples read from a history; asserts that each is finite.

@@ -94,7 +94,8 @@ pub(crate) enum DeviceChoice {
     /// A GPU by Vulkan or Metal, or a driver of these on the processor; needs the feature gpu
     Gpu,
     /// A GPU if there is one, else the processor
-    Auto,
+    #[value(name = "auto")]
+    Automatic,
 }
 
 /// Azimuth beam of the antenna.

@@ -21,9 +21,6 @@ const PATH_BYTES: u64 = 24 << 20;
 /// Size of a polynomial with its copies.
 const EACH_PATH: usize = size_of::<Expansion>() + 3 * 64;
 
-/// Bytes per pixel for the sums of a device and their copy.
-pub(super) const PIXEL_BYTES: u64 = 16;
-
 impl Opened<'_> {
     /// Form tiles whose polynomials may have an RMS phase error of `phase_rad`.
     pub(super) fn form_on_device(
@@ -68,10 +65,8 @@ impl Opened<'_> {
             .iter()
             .map(|(rectangle, _)| raster(self.spec.grid, rectangle))
             .collect();
-        let sizes: Vec<_> = patches
-            .iter()
-            .map(|(rectangle, _)| rectangle.size)
-            .collect();
+        let size = |raster: &Raster| [raster.rows, raster.columns];
+        let sizes: Vec<[usize; 2]> = rasters.iter().map(size).collect();
         let mut sums = device.start(&sizes)?;
         let mut profiles = vec![Complex32::ZERO; summed * row];
         let (blocks, mut done) = (num_pulses.div_ceil(summed), 0.0);

@@ -8,7 +8,6 @@ use rayon::prelude::*;
 
 use super::choice::{swath, tile_pulse};
 use super::cost::{PIXELS, PROFILES};
-use super::on_device::PIXEL_BYTES;
 use super::{Choices, MAX_PARTS, Meaning, PixelPaths, pulse_bytes};
 use crate::budget::Budget;
 use crate::patch::{PatchSize, Patches, Rectangle, Segment};
@@ -21,6 +20,9 @@ use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
+
+/// Bytes per pixel for the sums of a device and their copy.
+const DEVICE_PIXEL_BYTES: u64 = 16;
 
 /// Side of the patches formed by one thread where each pixel has its own path, pixels.
 const PATCH: usize = 64;
@@ -184,7 +186,7 @@ impl<'a> Opened<'a> {
 impl Forming for Opened<'_> {
     fn pixel_bytes(&self) -> u64 {
         match self.spec.numerics.device {
-            Some(_) => PIXEL_BYTES,
+            Some(_) => DEVICE_PIXEL_BYTES,
             None => 0,
         }
     }

@@ -11,7 +11,7 @@ pub(super) fn open(choice: DeviceChoice) -> Option<Box<dyn Device>> {
     let opened = match choice {
         DeviceChoice::Cpu => return None,
         DeviceChoice::Gpu => gpu(true),
-        DeviceChoice::Auto => gpu(false),
+        DeviceChoice::Automatic => gpu(false),
     };
     match opened {
         Ok(device) => Some(device),
