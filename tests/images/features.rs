@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that forming images from arrays does not need, with the features that enable each.
-const OPTIONAL: [(&str, &[&str]); 23] = [
+const OPTIONAL: [(&str, &[&str]); 25] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
@@ -62,6 +62,8 @@ const OPTIONAL: [(&str, &[&str]); 23] = [
     ("subaperture-viewer", &["viewer"]),
     ("tokio", &["viewer"]),
     ("axum", &["viewer"]),
+    ("subaperture-gpu", &["gpu"]),
+    ("wgpu", &["gpu"]),
 ];
 
 /// Packages that no feature of the library enables.
@@ -74,7 +76,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature with its own dependencies.
-const FEATURES: [&str; 19] = [
+const FEATURES: [&str; 20] = [
     "cphd",
     "gotcha",
     "npz",
@@ -94,6 +96,7 @@ const FEATURES: [&str; 19] = [
     "viewer",
     "sicd",
     "terrain",
+    "gpu",
 ];
 
 /// All packages compiled into a program that uses the library with `features` only.
@@ -136,10 +139,10 @@ fn feature_brings_documented_dependencies() {
 
 #[test]
 fn all_features_together_bring_no_other_dependencies() {
-    // Excluded: the page enables a server, and a USRP's driver has another licence.
+    // Excluded: the page enables a server, a USRP's driver has another licence, and a GPU needs a driver.
     let each = FEATURES
         .iter()
-        .filter(|name| !["viewer", "uhd"].contains(name));
+        .filter(|name| !["viewer", "uhd", "gpu"].contains(name));
     let union: BTreeSet<String> = each.copied().flat_map(dependencies).collect();
     assert_eq!(dependencies("full"), union);
 }
