@@ -25,7 +25,13 @@ pub trait Device: fmt::Debug + Sync {
 
 /// Sums over the pixels of tiles, held by a device.
 pub trait TileSums: Send {
-    /// Add a block of pulses to some of the tiles, given by their indices in ascending order:
+    /// Load the block of pulses that [`Self::add`] adds from now on.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the device has no memory for the profiles.
+    fn load(&mut self, block: &ProfileBlock) -> Result<(), DeviceError>;
+
+    /// Add the loaded pulses to some of the tiles, given by their indices in ascending order:
     ///
     /// ```text
     /// sum[p] += sum_n exp(+j 2 pi kappa_n t_n(p)) value_n(t_n(p)),   t_n(p): paths of tile and pulse n, in bins
@@ -36,14 +42,9 @@ pub trait TileSums: Send {
     ///
     /// # Errors
     /// [`DeviceError`].
-    fn add(
-        &mut self,
-        block: &ProfileBlock,
-        tiles: &[usize],
-        paths: &[Expansion],
-    ) -> Result<(), DeviceError>;
+    fn add(&mut self, tiles: &[usize], paths: &[Expansion]) -> Result<(), DeviceError>;
 
-    /// Wait until all blocks have been added.
+    /// Wait until everything has been added.
     ///
     /// # Errors
     /// [`DeviceError`].
@@ -96,10 +97,11 @@ const ROUNDING: f64 = 1.0 / 16_777_216.0;
 /// Error of the phasors of a device, with the fixed-point phase.
 const PHASOR: f64 = 6e-7;
 
-/// Bound on the relative error of a pulse in a tile, apart from truncation of its path: positions of `position` bins, which displace a profile upsampled by
-/// `oversampling`, and phases of `bend` cycles beyond the linear ones are float32; the rest is exact to 2^-27 cycles.
+/// Bound on the relative RMS error of a pulse in a tile, apart from truncation of its path. Float32 are positions of up to `position` bins from the tile's centre, whose
+/// errors displace a profile upsampled by `oversampling`, and phases of up to `bend` cycles beyond the linear ones, which are exact to 2^-25 cycles.
 ///
-/// A position is a sum of four terms, a bend of seven, each rounded; half of the largest value is typical.
+/// A value at the edge of the tile is rounded four times at most, with errors that partly cancel; values inside are smaller. Twice the rounding of the largest
+/// value bounds their RMS.
 pub fn rounding(position: f64, oversampling: f64, bend: f64) -> f64 {
     // The fastest component of a profile turns by pi / oversampling radians per bin.
     let slope = std::f64::consts::PI / oversampling;

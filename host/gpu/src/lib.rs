@@ -12,7 +12,7 @@
 //!
 //! **Accuracy.** GPUs have no fast float64. Float32 phases of a path of kilometres would have an error of -26 dB at 10 GHz. Here the linear
 //! part of the phase, `kappa (a + b i + c j)`, is computed in fractions of 2^32 of a cycle by integers, which wrap as phases do; its error is
-//! below 2^-27 cycles for tiles of 64 pixels. `e_n` and positions are float32: [`subaperture_focus::device::rounding`] bounds their error,
+//! below 2^-25 cycles for tiles of 64 pixels. `e_n` and positions are float32: [`subaperture_focus::device::rounding`] bounds their error,
 //! and a tile that would exceed the plan's share is left to the processor. The sine is a polynomial, because the
 //! precision of WGSL's own is not specified.
 //!
@@ -20,6 +20,7 @@
 //! and tile.
 //!
 //! **Cost** per pixel and pulse: about 70 operations and `degree + 1` complex reads from a profile that neighbouring pixels share.
+#![forbid(unsafe_code)]
 
 mod adapter;
 mod error;
@@ -97,11 +98,12 @@ impl Gpu {
             let (sizes, all) = (vec![[SIDE; 2]; count], Vec::from_iter(0..count));
             let paths = vec![path; count * PULSES];
             let mut sums = self.start(&sizes)?;
-            // The first block also creates buffers.
-            sums.add(&block, &all, &paths)?;
+            sums.load(&block)?;
+            // The first call also creates buffers.
+            sums.add(&all, &paths)?;
             sums.wait()?;
             let start = Instant::now();
-            sums.add(&block, &all, &paths)?;
+            sums.add(&all, &paths)?;
             sums.wait()?;
             let elapsed_s = start.elapsed().as_secs_f64();
             if elapsed_s >= LONG_ENOUGH_S || count >= MAX_TILES {

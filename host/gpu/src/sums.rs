@@ -31,10 +31,15 @@ pub(crate) struct Sums<'a> {
     /// First sum of each tile in its part's buffer.
     offsets: Vec<u32>,
     parts: Vec<Part>,
+    /// Profiles of the loaded pulses, and the shader's description of the block.
     profiles: Option<wgpu::Buffer>,
     block: wgpu::Buffer,
-    /// Work handed to the device before the latest.
-    before: Option<wgpu::SubmissionIndex>,
+    /// Carrier cycles per bin of the loaded pulses, the degree of their splines and the bins of a period.
+    carriers: Vec<f64>,
+    degree: usize,
+    length: usize,
+    /// Latest work submitted to the device.
+    latest: Option<wgpu::SubmissionIndex>,
 }
 
 fn pixels([rows, columns]: &[usize; 2]) -> usize {
@@ -75,29 +80,26 @@ impl<'a> Sums<'a> {
             offsets,
             parts,
             profiles: None,
-            before: None,
+            carriers: Vec::new(),
+            degree: 0,
+            length: 0,
+            latest: None,
         })
     }
 
-    /// Add a block of pulses to tiles of one part.
-    fn dispatch(
-        &mut self,
-        block: &ProfileBlock,
-        part: usize,
-        tiles: &[usize],
-        paths: &[Expansion],
-    ) {
-        let (gpu, sizes) = (self.gpu, &self.sizes);
-        let pulses = block.carriers.len();
+    /// Add the loaded pulses to tiles of one part.
+    fn dispatch(&mut self, part: usize, tiles: &[usize], paths: &[Expansion]) {
+        let (gpu, sizes, length) = (self.gpu, &self.sizes, self.length);
+        let (carriers, pulses) = (&self.carriers, self.carriers.len());
         let mut values = vec![0; VALUES * paths.len()];
         values
             .par_chunks_exact_mut(VALUES * pulses)
             .zip(paths.par_chunks_exact(pulses))
             .zip(tiles)
             .for_each(|((values, paths), &tile)| {
-                let carriers = paths.iter().zip(block.carriers);
-                for (values, (path, &kappa)) in values.chunks_exact_mut(VALUES).zip(carriers) {
-                    values.copy_from_slice(&parameters(path, sizes[tile], kappa, block.length));
+                let pulses = paths.iter().zip(carriers);
+                for (values, (path, &kappa)) in values.chunks_exact_mut(VALUES).zip(pulses) {
+                    values.copy_from_slice(&parameters(path, sizes[tile], kappa, length));
                 }
             });
         let header = |&tile: &usize| {
@@ -111,8 +113,8 @@ impl<'a> Sums<'a> {
             gpu.queue.write_buffer(&buffer, 0, bytes);
             buffer
         });
-        let profiles = self.profiles.as_ref().expect("profiles are written first");
-        let pipeline = &gpu.pipelines[block.degree - 2];
+        let profiles = self.profiles.as_ref().expect("a block is loaded first");
+        let pipeline = &gpu.pipelines[self.degree - 2];
         let bound = [
             &self.block,
             profiles,
@@ -146,7 +148,7 @@ impl<'a> Sums<'a> {
         }
         let now = gpu.queue.submit([encoder.finish()]);
         // The copies that the queue makes are released once the device has read them: two submissions are pending at most.
-        if let Some(before) = self.before.replace(now) {
+        if let Some(before) = self.latest.replace(now) {
             let waiting = wgpu::PollType::Wait {
                 submission_index: Some(before),
                 timeout: None,
@@ -169,38 +171,33 @@ impl Adapter {
 }
 
 impl TileSums for Sums<'_> {
-    fn add(
-        &mut self,
-        block: &ProfileBlock,
-        tiles: &[usize],
-        paths: &[Expansion],
-    ) -> Result<(), DeviceError> {
+    fn load(&mut self, block: &ProfileBlock) -> Result<(), DeviceError> {
         let (gpu, pulses) = (self.gpu, block.carriers.len());
         let bytes: &[u8] = cast_slice(block.profiles);
-        if bytes.len() as u64 > gpu.binding_bytes {
+        let (size, most) = (bytes.len() as u64, gpu.binding_bytes);
+        if size > most {
             return Err(DeviceError::new(
                 &gpu.name,
-                format!(
-                    "the profiles of {} pulses take {} bytes, more than the {} of its largest buffer: reduce the scratch memory",
-                    pulses,
-                    bytes.len(),
-                    gpu.binding_bytes
-                ),
+                format!("the profiles of {pulses} pulses take {size} bytes, more than the {most} of its largest buffer"),
             ));
         }
-        let fits = self
-            .profiles
-            .as_ref()
-            .is_some_and(|own| own.size() >= bytes.len() as u64);
-        if !fits {
+        if self.profiles.as_ref().is_none_or(|own| own.size() < size) {
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            self.profiles = Some(gpu.buffer(bytes.len() as u64, usage));
+            self.profiles = Some(gpu.buffer(size, usage));
         }
         let profiles = self.profiles.as_ref().expect("created above");
         gpu.queue.write_buffer(profiles, 0, bytes);
         let stride = block.length + 2 * block.margin;
         let header = [pulses, stride, block.margin, 0].map(|value| value as u32);
         gpu.queue.write_buffer(&self.block, 0, cast_slice(&header));
+        self.carriers.clear();
+        self.carriers.extend_from_slice(block.carriers);
+        (self.degree, self.length) = (block.degree, block.length);
+        gpu.check()
+    }
+
+    fn add(&mut self, tiles: &[usize], paths: &[Expansion]) -> Result<(), DeviceError> {
+        let pulses = self.carriers.len();
         let path_bytes = 4 * VALUES * pulses;
         let (mut tiles, mut paths) = (tiles, paths);
         for part in 0..self.parts.len() {
@@ -217,15 +214,15 @@ impl TileSums for Sums<'_> {
                     count += 1;
                 }
                 let (now, later) = paths.split_at(count * pulses);
-                self.dispatch(block, part, &tiles[..count], now);
+                self.dispatch(part, &tiles[..count], now);
                 (tiles, paths) = (&tiles[count..], later);
             }
         }
-        gpu.check()
+        self.gpu.check()
     }
 
     fn wait(&mut self) -> Result<(), DeviceError> {
-        self.before = None;
+        self.latest = None;
         let waited = self.gpu.device.poll(wgpu::PollType::wait_indefinitely());
         self.gpu.check()?;
         let message = |error: wgpu::PollError| DeviceError::new(&self.gpu.name, error.to_string());
@@ -257,7 +254,7 @@ impl TileSums for Sums<'_> {
             let view = copy.get_mapped_range(..).map_err(|error| message(&error))?;
             all.extend_from_slice(&pod_collect_to_vec::<u8, Complex32>(&view));
         }
-        self.before = None;
+        self.latest = None;
         Ok(all)
     }
 }

@@ -149,7 +149,7 @@ fn missing_driver_is_noted() {
             "points.cphd",
             "--grid",
             "x=-5:5:0.5,y=-5:5:0.5",
-            "--former",
+            "--algorithm",
             "bp",
         ])
         .args(["--device", "auto", "--out", "cpu"])

@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture_focus::bp::Backprojection;
-use subaperture_focus::device::{Device, DeviceError, Expansion, ProfileBlock, TileSums};
+use subaperture_focus::device::{
+    Device, DeviceError, Expansion, ProfileBlock, TileSums, rounding,
+};
 use subaperture_focus::exact::Exact;
 use subaperture_focus::{FormError, Formed, ImageFormer, Numerics, Task};
 use subaperture_gpu::{Gpu, Kind};
@@ -175,14 +177,13 @@ impl Device for Counting<'_> {
 }
 
 impl TileSums for CountingSums<'_> {
-    fn add(
-        &mut self,
-        block: &ProfileBlock,
-        tiles: &[usize],
-        paths: &[Expansion],
-    ) -> Result<(), DeviceError> {
+    fn load(&mut self, block: &ProfileBlock) -> Result<(), DeviceError> {
+        self.sums.load(block)
+    }
+
+    fn add(&mut self, tiles: &[usize], paths: &[Expansion]) -> Result<(), DeviceError> {
         self.added.fetch_add(paths.len(), Ordering::Relaxed);
-        self.sums.add(block, tiles, paths)
+        self.sums.add(tiles, paths)
     }
 
     fn wait(&mut self) -> Result<(), DeviceError> {
@@ -316,8 +317,9 @@ fn sums_of_tiles_equal_float64_sums() {
             carriers: &carriers,
         };
         let mut sums = gpu.start(&sizes).unwrap();
-        sums.add(&block, &taken, &paths).unwrap();
-        sums.add(&block, &taken[..1], &paths[..pulses]).unwrap();
+        sums.load(&block).unwrap();
+        sums.add(&taken, &paths).unwrap();
+        sums.add(&taken[..1], &paths[..pulses]).unwrap();
         let got = sums.take().unwrap();
         let count = |[rows, columns]: &[usize; 2]| rows * columns;
         assert_eq!(got.len(), sizes.iter().map(count).sum::<usize>());
@@ -331,6 +333,14 @@ fn sums_of_tiles_equal_float64_sums() {
                 continue;
             };
             let paths = &paths[place * pulses..][..pulses];
+            let half = [columns, rows].map(|count| 0.5 * (count as f64 - 1.0));
+            let of_pulse = |(path, kappa): (&Expansion, &f64)| {
+                let bend = path.bend_bound(half);
+                // The highest tone has 30 cycles in a period.
+                let oversampling = length as f64 / 60.0;
+                rounding(1.0 + path.linear_bound(half) + bend, oversampling, kappa * bend)
+            };
+            let allowed = paths.iter().zip(&carriers).map(of_pulse).fold(0.0, f64::max);
             let (mut error, mut power) = (0.0, 0.0);
             for (p, z) in own.iter().enumerate() {
                 let i = (p % columns) as f64 - 0.5 * (columns as f64 - 1.0);
@@ -364,33 +374,25 @@ fn sums_of_tiles_equal_float64_sums() {
             }
             let error_db = 10.0 * (error / power).log10();
             println!("degree {degree}, {} x {}: {error_db:.1} dB", rows, columns);
-            assert!(error_db < -100.0, "{degree} {tile}: {error_db}");
+            assert!(error_db < 20.0 * allowed.log10(), "{degree} {tile}: {error_db}");
         }
     }
 }
 
 #[test]
-fn pulses_are_refused_that_exceed_a_buffer() {
+fn profiles_are_refused_that_exceed_a_buffer() {
     let Some(gpu) = gpu() else { return };
     let mut sums = gpu.start(&[[1, 1]]).unwrap();
-    // One more row than the largest buffer of a Vulkan driver on the processor.
-    let length = 1 << 27;
-    let profiles = vec![Complex32::ZERO; length];
+    // Twice the largest buffer of Mesa's driver on the processor.
+    let length = 1 << 25;
     let block = ProfileBlock {
         degree: 3,
         length,
         margin: 0,
-        profiles: &profiles,
+        profiles: &vec![Complex32::ZERO; length],
         carriers: &[1.0],
     };
-    let path = Expansion {
-        legs_m: [1.0; 2],
-        at: 0.0,
-        first: [0.0; 2],
-        second: [0.0; 3],
-        third: [0.0; 4],
-    };
-    match sums.add(&block, &[0], &[path]) {
+    match sums.load(&block) {
         Ok(()) => sums.wait().unwrap(),
         Err(error) => assert!(error.to_string().contains("largest buffer"), "{error}"),
     }

@@ -82,13 +82,13 @@ impl Opened<'_> {
                     .map(|p| tile_pulse(&self.spec, p, length))
                     .collect();
                 let carriers: Vec<f64> = tile_pulses.iter().map(|p| p.cycles_a_bin).collect();
-                let block = ProfileBlock {
+                sums.load(&ProfileBlock {
                     degree: self.pieces.degree(),
                     length,
                     margin,
                     profiles,
                     carriers: &carriers,
-                };
+                })?;
                 let mut left = Vec::new();
                 for first in (0..patches.len()).step_by(at_a_time) {
                     if work.monitor.cancelled() {
@@ -105,7 +105,7 @@ impl Opened<'_> {
                         (first..first + some.len()).filter(|i| suited.binary_search(i).is_err());
                     left.extend(others);
                     let paths: Vec<Expansion> = paths.into_iter().flatten().flatten().collect();
-                    sums.add(&block, &suited, &paths)?;
+                    sums.add(&suited, &paths)?;
                     done += some.len() as f64 / (rasters.len() * blocks) as f64;
                     work.monitor.progress(done);
                 }
