@@ -178,7 +178,9 @@ impl TileSums for Sums<'_> {
         if size > most {
             return Err(DeviceError::new(
                 &gpu.name,
-                format!("the profiles of {pulses} pulses take {size} bytes, more than the {most} of its largest buffer"),
+                format!(
+                    "the profiles of {pulses} pulses take {size} bytes, more than the {most} of its largest buffer"
+                ),
             ));
         }
         if self.profiles.as_ref().is_none_or(|own| own.size() < size) {
