@@ -121,6 +121,29 @@ fn tiles_are_formed_by_gpu() {
 }
 
 #[test]
+fn device_is_refused_where_bits_are_fixed() {
+    let folder = recording();
+    for fixed in [&["--portable"][..], &["--plan", "plan.json"]] {
+        let ran = Command::new(program())
+            .args([
+                "focus",
+                "points.cphd",
+                "--device",
+                "gpu",
+                "--out",
+                "refused",
+            ])
+            .args(fixed)
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&ran.stderr);
+        assert_eq!(ran.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains("cannot be used with"), "{stderr}");
+    }
+}
+
+#[test]
 fn former_without_gpu_support_is_noted() {
     let folder = recording();
     let ran = focus(
