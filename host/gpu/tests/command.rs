@@ -66,22 +66,11 @@ fn record(folder: &TempDir, out: &str) -> Value {
     serde_json::from_slice(&text).unwrap()
 }
 
-#[test]
-fn image_is_formed_by_gpu_and_recorded() {
+/// Form an image by bp on the GPU with more options; its record, which names the device.
+fn formed_by_gpu(options: &[&str]) -> Value {
     let folder = recording();
-    let ran = focus(
-        &folder,
-        &[
-            "--algorithm",
-            "bp",
-            "--device",
-            "gpu",
-            "--check",
-            "200",
-            "--out",
-            "gpu",
-        ],
-    );
+    let by_gpu = ["--algorithm", "bp", "--device", "gpu", "--out", "gpu"];
+    let ran = focus(&folder, &[&by_gpu, options].concat());
     let stderr = String::from_utf8_lossy(&ran.stderr);
     assert!(ran.status.success(), "{stderr}");
     assert!(!stderr.contains("--device"), "{stderr}");
@@ -89,35 +78,19 @@ fn image_is_formed_by_gpu_and_recorded() {
     let device = record["settings"]["resolved"]["device"].as_str();
     println!("{device:?}: {}", record["check"]);
     assert!(device.is_some_and(|name| !name.is_empty()), "{record}");
+    record
+}
+
+#[test]
+fn image_is_formed_by_gpu_and_recorded() {
+    let record = formed_by_gpu(&["--check", "200"]);
     let error_db = record["check"]["relative_rms_db"].as_f64().unwrap();
     assert!(error_db < -60.0, "{error_db}");
 }
 
 #[test]
 fn tiles_are_formed_by_gpu() {
-    let folder = recording();
-    let ran = focus(
-        &folder,
-        &[
-            "--algorithm",
-            "bp",
-            "--device",
-            "gpu",
-            "--tiled",
-            "--out",
-            "tiles",
-        ],
-    );
-    assert!(
-        ran.status.success(),
-        "{}",
-        String::from_utf8_lossy(&ran.stderr)
-    );
-    let record = record(&folder, "tiles");
-    assert!(
-        record["settings"]["resolved"]["device"].is_string(),
-        "{record}"
-    );
+    formed_by_gpu(&["--tiled"]);
 }
 
 #[test]

@@ -162,11 +162,7 @@ impl Leaf {
                 sums.resize(raster.rows * raster.columns, Complex32::ZERO);
                 tile.add(instructions, &layout, pulses, pieces, sums);
                 for segment in segments.iter_mut() {
-                    let row = (segment.row - rectangle.row) * raster.columns;
-                    let sums = &sums[row + segment.column - rectangle.column..];
-                    for (pixel, sum) in segment.pixels.iter_mut().zip(sums) {
-                        *pixel += sum;
-                    }
+                    segment.add(&rectangle, sums);
                 }
             } else {
                 if points.is_empty() {

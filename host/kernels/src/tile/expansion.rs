@@ -211,12 +211,11 @@ impl Expansion {
         self.at.abs() + self.linear_bound(within) + self.bend_bound(within)
     }
 
-    /// Bound on the RMS truncation error over the raster, metres, by the first neglected term; NaN for positions that are not finite.
+    /// Bound on the RMS truncation error over a raster of this radius ([`Raster::radius_m`]), metres; NaN for positions that are not finite.
     ///
     /// It grows at least with the fourth power of the distance, so that its RMS over a
     /// rectangle is at most a third of that at the corners.
-    pub fn truncation_m(&self, raster: &Raster) -> f64 {
-        let radius_m = raster.radius_m();
+    pub fn truncation_m(&self, radius_m: f64) -> f64 {
         let [out_m, back_m] = self.legs_m.map(|leg_m| left_out_m(leg_m, radius_m) / 3.0);
         out_m + back_m
     }

@@ -47,10 +47,11 @@ impl TileScratch {
         if shape.transposed {
             self.expansions.iter_mut().for_each(|e| *e = e.transposed());
         }
+        let radius_m = raster.radius_m();
         let lost = shape.left_out(self.tile.sides[1]);
         let each = pulses.iter().zip(&self.expansions).map(|(pulse, e)| {
             let off = lost.iter().zip(e.third).map(|(each, c)| each * c.abs());
-            let off_m = e.truncation_m(raster) + off.sum::<f64>() / (pulse.turns_m * bins).abs();
+            let off_m = e.truncation_m(radius_m) + off.sum::<f64>() / (pulse.turns_m * bins).abs();
             // NaN positions cannot be expanded.
             if off_m.is_nan() { f64::INFINITY } else { off_m }
         });

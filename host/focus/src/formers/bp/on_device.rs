@@ -5,7 +5,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::choice::{arithmetic_share, margin, tile_pulse};
-use super::cost::{PIXELS, PROFILES};
+use super::cost::PIXELS;
 use super::tiles::{Batch, Opened, Scratch};
 use crate::budget::Budget;
 use crate::device::{Device, Expansion, ProfileBlock, rounding};
@@ -148,6 +148,7 @@ impl Opened<'_> {
         let num_samples = self.spec.collection.num_samples;
         let length = self.profiler.length() as f64;
         let half = [raster.columns, raster.rows].map(|count| 0.5 * (count as f64 - 1.0));
+        let radius_m = raster.radius_m();
         let of_pulse = |pulse: &TilePulse| {
             let path = Expansion::new(&pulse.antennas, raster, pulse.turns_m * length);
             let bend = path.bend_bound(half);
@@ -157,7 +158,7 @@ impl Opened<'_> {
                 length / num_samples as f64,
                 (pulse.cycles_a_bin * bend).abs(),
             );
-            let truncation = rms_phase(self.highest_hz, path.truncation_m(raster));
+            let truncation = rms_phase(self.highest_hz, path.truncation_m(radius_m));
             // NaN positions cannot be expanded.
             let fits = truncation <= phase_rad && rounding <= arithmetic_share(phase_rad);
             fits.then_some(path)
@@ -174,27 +175,17 @@ impl Opened<'_> {
         rows: &mut [Complex32],
         monitor: &dyn Monitor,
     ) {
-        let num_samples = self.spec.collection.num_samples;
         let length = self.profiler.length();
-        let scratch = || {
-            let profile = vec![Complex32::ZERO; length + 1];
-            let fft = vec![Complex32::ZERO; self.profiler.scratch_length()];
-            (profile, fft, during(monitor, PROFILES))
-        };
-        rows.par_chunks_exact_mut(length + 2 * margin)
-            .zip(samples.par_chunks_exact(num_samples))
-            .enumerate()
-            .for_each_init(scratch, |(profile, fft, _), (i, (row, samples))| {
-                self.profiler.profile(samples, profile, fft);
-                let weight = self.spec.weights.slow[first + i] as f32;
-                let profile = &profile[..length];
-                // The first value of the row is `margin` bins before bin 0.
-                let from = (length - margin % length) % length;
-                let values = profile.iter().cycle().skip(from);
-                for (to, z) in row.iter_mut().zip(values) {
-                    *to = z * weight;
-                }
-            });
+        // The first value of a row is `margin` bins before bin 0.
+        let from = (length - margin % length) % length;
+        let out = (rows, length + 2 * margin);
+        self.for_each_profile(first, samples, out, monitor, |n, profile, row| {
+            let weight = self.spec.weights.slow[n] as f32;
+            let values = profile.iter().cycle().skip(from);
+            for (to, z) in row.iter_mut().zip(values) {
+                *to = z * weight;
+            }
+        });
     }
 
     /// Add a block of pulses to the patches of the given indices on the processor.

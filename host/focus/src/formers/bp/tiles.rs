@@ -81,13 +81,14 @@ impl<'a> Opened<'a> {
         }
     }
 
-    /// Compute the spline intervals of pulses from `first` on.
-    pub(super) fn make_pieces(
+    /// Call `make` for each pulse from `first` on with its number, its profile and its `size` values of `out`, on all threads.
+    pub(super) fn for_each_profile<T: Send>(
         &self,
         first: usize,
         samples: &[Complex32],
-        pieces: &mut [f32],
+        (out, size): (&mut [T], usize),
         monitor: &dyn Monitor,
+        make: impl Fn(usize, &[Complex32], &mut [T]) + Sync,
     ) {
         let num_samples = self.spec.collection.num_samples;
         let length = self.profiler.length();
@@ -96,20 +97,28 @@ impl<'a> Opened<'a> {
             let fft = vec![Complex32::ZERO; self.profiler.scratch_length()];
             (profile, fft, during(monitor, PROFILES))
         };
-        pieces
-            .par_chunks_exact_mut(self.pieces.values())
+        out.par_chunks_exact_mut(size)
             .zip(samples.par_chunks_exact(num_samples))
             .enumerate()
-            .for_each_init(scratch, |(profile, fft, _), (i, (pieces, samples))| {
-                let n = first + i;
+            .for_each_init(scratch, |(profile, fft, _), (i, (out, samples))| {
                 self.profiler.profile(samples, profile, fft);
-                self.pieces.make(
-                    self.instructions,
-                    &profile[..length],
-                    self.spec.weights.slow[n] as f32,
-                    pieces,
-                );
+                make(first + i, &profile[..length], out);
             });
+    }
+
+    /// Compute the spline intervals of pulses from `first` on.
+    pub(super) fn make_pieces(
+        &self,
+        first: usize,
+        samples: &[Complex32],
+        pieces: &mut [f32],
+        monitor: &dyn Monitor,
+    ) {
+        let out = (pieces, self.pieces.values());
+        self.for_each_profile(first, samples, out, monitor, |n, profile, pieces| {
+            let weight = self.spec.weights.slow[n] as f32;
+            self.pieces.make(self.instructions, profile, weight, pieces);
+        });
     }
 
     /// Add a batch of pulses to the requested pixels of a patch.
