@@ -4,10 +4,10 @@
 
 use std::io::Write;
 use std::net::TcpStream;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use subaperture::module::link::{
-    Buffers, ModuleAddress, ProfileRun, Session, SweepBurst, SweepSource,
+    Buffers, ModuleAddress, ProfileRun, Session, Settings, SweepBurst, SweepSource,
 };
 use subaperture::monitor::Silent;
 use subaperture::phase_history::ReadError;
@@ -23,7 +23,13 @@ use crate::sessions::{complete, session, settings};
 
 fn module(faults: Faults) -> FaultyLine<Emulated> {
     let elf = build(&Build::bin("application", "ethernet"));
-    let emulated = Emulated::connected(&elf, Wire::Ethernet, Begin::Reset);
+    let mut emulated = Emulated::connected(&elf, Wire::Ethernet, Begin::Reset);
+    // The emulator accepts connections before the module has started, and repeats them to it more and more rarely.
+    let patient = Settings {
+        idle: Duration::from_secs(60),
+        ..settings(0)
+    };
+    Session::open(&mut emulated, &mut Buffers::new(), patient, &mut Silent).unwrap();
     FaultyLine::new(emulated, faults)
 }
 
