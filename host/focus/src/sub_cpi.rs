@@ -24,6 +24,15 @@ use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{self, Antennas, Line, Points};
 use subaperture_model::phase_history::{Band, Collection, Pulse};
 
+/// Steps of Newton's method in [`SubCpi::locate`]: each doubles the correct digits.
+const NEWTON_STEPS: usize = 8;
+
+/// Step of the numerical derivative in metres.
+const NEWTON_STEP_M: f64 = 0.01;
+
+/// Largest remaining error of a located point in metres of path.
+const CLOSE_M: f64 = 1e-6;
+
 /// Block of pulses processed as one range-Doppler map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubCpi {
@@ -156,6 +165,39 @@ impl SubCpi {
     /// Whole path in the middle, metres, and its rate, metres per pulse, of one point.
     pub fn path_and_rate(&self, point: DVec3) -> (f64, f64) {
         self.line_through(self.nodes.map(|node| node.path_m(point)), [0.0; 2])
+    }
+
+    /// Point of the plane through `start` along `axes` with this path in the middle, metres, and this path rate, metres per pulse, by
+    /// Newton's method from `start`. `None` if there is no such point near it.
+    pub fn locate(&self, start: DVec3, axes: [DVec3; 2], path_m: f64, rate: f64) -> Option<DVec3> {
+        let datum = self.datum(start);
+        let (start_path_m, start_rate) = self.path_and_rate(start);
+        let wanted = (path_m - start_path_m, rate - start_rate);
+        let mut point = start;
+        for _ in 0..NEWTON_STEPS {
+            let (a, b) = self.line(&datum, point);
+            let slopes = axes.map(|axis| {
+                let (ahead, behind) = (
+                    self.line(&datum, point + axis * NEWTON_STEP_M),
+                    self.line(&datum, point - axis * NEWTON_STEP_M),
+                );
+                let slope = |ahead: f64, behind: f64| (ahead - behind) / (2.0 * NEWTON_STEP_M);
+                [slope(ahead.0, behind.0), slope(ahead.1, behind.1)]
+            });
+            let [[ax, bx], [ay, by]] = slopes;
+            let (da, db) = (wanted.0 - a, wanted.1 - b);
+            let determinant = ax * by - ay * bx;
+            let step = [
+                (da * by - ay * db) / determinant,
+                (ax * db - da * bx) / determinant,
+            ];
+            point += axes[0] * step[0] + axes[1] * step[1];
+            if !point.is_finite() {
+                return None;
+            }
+        }
+        let (a, _) = self.line(&datum, point);
+        ((a - wanted.0).abs() <= CLOSE_M).then_some(point)
     }
 
     fn line_through(&self, paths_m: [f64; 2], datum_m: [f64; 2]) -> (f64, f64) {

@@ -29,15 +29,6 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 
-/// Number of Newton steps: each doubles the correct digits.
-const STEPS: usize = 8;
-
-/// Step of the numerical derivative in metres.
-const STEP_M: f64 = 0.01;
-
-/// Largest remaining error of a position in metres of path.
-const CLOSE_M: f64 = 1e-6;
-
 /// Value of one channel's map at the cell of a detection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelValue {
@@ -122,7 +113,8 @@ impl<'a> Locator<'a> {
                 f64::from(detection.range_bin) * range_m,
                 -f64::from(detection.doppler_bin) * rate_m,
             );
-            let position_m = self.position(track, centre_m, wanted);
+            let (path_m, rate) = (centre_path_m + wanted.0, centre_rate_m + wanted.1);
+            let position_m = track.locate(centre_m, self.axes, path_m, rate);
             let channels = values
                 .iter()
                 .zip(&tracks)
@@ -140,47 +132,12 @@ impl<'a> Locator<'a> {
                 time_s: (first_s + last_s) / 2.0,
                 detection: *detection,
                 channels: channels.collect(),
-                path_m: centre_path_m + wanted.0,
-                path_rate_m_s: timed.then(|| (centre_rate_m + wanted.1) / interval_s),
+                path_m,
+                path_rate_m_s: timed.then(|| rate / interval_s),
                 position_m: position_m.map(|position_m| position_m.to_array()),
             }
         });
         located.collect()
-    }
-
-    /// Point of the grid's plane through `centre_m` with this path and path rate relative to it.
-    fn position(
-        &self,
-        track: &SubCpi,
-        centre_m: DVec3,
-        (path_m, rate_m): (f64, f64),
-    ) -> Option<DVec3> {
-        let datum = track.datum(centre_m);
-        let mut point = centre_m;
-        for _ in 0..STEPS {
-            let (a, b) = track.line(&datum, point);
-            let slopes = self.axes.map(|axis| {
-                let (ahead, behind) = (
-                    track.line(&datum, point + axis * STEP_M),
-                    track.line(&datum, point - axis * STEP_M),
-                );
-                let slope = |ahead: f64, behind: f64| (ahead - behind) / (2.0 * STEP_M);
-                [slope(ahead.0, behind.0), slope(ahead.1, behind.1)]
-            });
-            let [[ax, bx], [ay, by]] = slopes;
-            let (da, db) = (path_m - a, rate_m - b);
-            let determinant = ax * by - ay * bx;
-            let step = [
-                (da * by - ay * db) / determinant,
-                (ax * db - da * bx) / determinant,
-            ];
-            point += self.axes[0] * step[0] + self.axes[1] * step[1];
-            if !point.is_finite() {
-                return None;
-            }
-        }
-        let (a, _) = track.line(&datum, point);
-        ((a - path_m).abs() <= CLOSE_M).then_some(point)
     }
 }
 

@@ -35,28 +35,31 @@ impl Default for Window {
 impl Window {
     /// Compute the `n` weights.
     pub fn weights(&self, n: usize) -> Vec<f64> {
-        let at = |w: &dyn Fn(f64) -> f64| {
-            (0..n)
-                .map(|i| w((i as f64 + 0.5) / n as f64 - 0.5))
-                .collect()
-        };
+        let shape = self.shape();
+        (0..n)
+            .map(|i| shape((i as f64 + 0.5) / n as f64 - 0.5))
+            .collect()
+    }
+
+    /// Window as a function of the position in it, -1/2 to 1/2.
+    pub fn shape(&self) -> Box<dyn Fn(f64) -> f64> {
         match *self {
-            Self::None => vec![1.0; n],
-            Self::Hamming => at(&|u| 0.54 + 0.46 * libm::cos(std::f64::consts::TAU * u)),
+            Self::None => Box::new(|_| 1.0),
+            Self::Hamming => Box::new(|u| 0.54 + 0.46 * libm::cos(std::f64::consts::TAU * u)),
             Self::Kaiser { beta } => {
                 let norm = bessel_i0(beta);
-                at(&|u| bessel_i0(beta * (1.0 - 4.0 * u * u).max(0.0).sqrt()) / norm)
+                Box::new(move |u| bessel_i0(beta * (1.0 - 4.0 * u * u).max(0.0).sqrt()) / norm)
             }
             Self::Taylor { side_lobe_db } => {
                 let coefficients = taylor_coefficients(side_lobe_db);
-                let sum = |u: f64| {
+                let sum = move |u: f64| {
                     let terms = coefficients.iter().zip(1..);
                     1.0 + terms
                         .map(|(f, m)| 2.0 * f * libm::cos(std::f64::consts::TAU * f64::from(m) * u))
                         .sum::<f64>()
                 };
                 let peak = sum(0.0);
-                at(&|u| sum(u) / peak)
+                Box::new(move |u| sum(u) / peak)
             }
         }
     }
