@@ -3,6 +3,7 @@
 use super::PlotError;
 use super::canvas::{Anchor, Canvas, INK, Rgb, Typeface};
 use super::colours::Colours;
+use super::marks;
 use super::orientation::Arrow;
 use super::scale::Levels;
 use super::shades::Shades;
@@ -82,6 +83,8 @@ pub(super) struct Sheet<'a> {
     pub(super) typical: Levels,
     /// Key of colours that do not represent levels.
     pub(super) key: Vec<(String, [u8; 3])>,
+    /// Marks as fractions of the plot, rightwards and downwards, and labels.
+    pub(super) marks: Vec<([f64; 2], &'a str)>,
     pub(super) cells: Cells<'a>,
 }
 
@@ -270,6 +273,7 @@ fn draw(
             *levels
         }
     };
+    marks::draw(canvas, &sheet.marks, (x, y), (width, height));
     canvas.frame(x, y, width, height);
 
     let title = Typeface::sans(TITLE_PX, true);

@@ -27,6 +27,7 @@ mod error;
 mod heat;
 mod layout;
 mod lines;
+mod marks;
 mod orientation;
 mod raster;
 mod scale;
@@ -50,6 +51,7 @@ pub use scale::{Scale, Upper, automatic_levels_db};
 pub use source::Source;
 
 pub use error::PlotError;
+pub use marks::Mark;
 
 /// Picture of an image.
 #[derive(Clone, Debug)]
@@ -76,6 +78,8 @@ pub struct Panel<'a> {
     pub rows_down: bool,
     /// Source of the colours.
     pub paint: ColourSource<'a>,
+    /// Numbered marks over the image.
+    pub marks: Vec<Mark>,
 }
 
 /// Axis labelling: value `offset + scale * coordinate` of the grid.
@@ -162,6 +166,7 @@ impl<'a> Panel<'a> {
             looks: [1, 1],
             rows_down: false,
             paint: ColourSource::Levels,
+            marks: Vec::new(),
         }
     }
 
@@ -234,8 +239,25 @@ impl<'a> Panel<'a> {
             // whole decibels of three digits, fit the smallest room.
             typical: self.scale.levels(&[]),
             key: self.paint.key(),
+            marks: self
+                .marks
+                .iter()
+                .map(|mark| self.placed(mark, &grid))
+                .collect(),
             cells: Box::new(move |height, width| self.drawn(height, width)),
         }
+    }
+
+    /// Position of a mark as fractions of the picture, rightwards and downwards, and its label.
+    fn placed<'m>(&self, mark: &'m Mark, grid: &ImageGrid) -> ([f64; 2], &'m str) {
+        let part = |value: f64, axis: &Axis, reversed: bool| {
+            let (first, last) = edges(axis);
+            let part = (value - first) / (last - first);
+            if reversed { 1.0 - part } else { part }
+        };
+        let right = part(mark.at[1], &grid.columns, grid.polar);
+        let down = part(mark.at[0], &grid.rows, !self.rows_down);
+        ([right, down], &mark.label)
     }
 
     /// Values or colours of the cells.
