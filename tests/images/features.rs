@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that forming images from arrays does not need, with the features that enable each.
-const OPTIONAL: [(&str, &[&str]); 25] = [
+const OPTIONAL: [(&str, &[&str]); 26] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
@@ -63,6 +63,7 @@ const OPTIONAL: [(&str, &[&str]); 25] = [
     ("tokio", &["viewer"]),
     ("axum", &["viewer"]),
     ("subaperture-gpu", &["gpu"]),
+    ("subaperture-gmti", &["gmti"]),
     ("wgpu", &["gpu"]),
 ];
 
@@ -76,7 +77,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature with its own dependencies.
-const FEATURES: [&str; 20] = [
+const FEATURES: [&str; 21] = [
     "cphd",
     "gotcha",
     "npz",
@@ -97,6 +98,7 @@ const FEATURES: [&str; 20] = [
     "sicd",
     "terrain",
     "gpu",
+    "gmti",
 ];
 
 /// All packages compiled into a program that uses the library with `features` only.

@@ -1,4 +1,4 @@
-//! Tests of image measures, comparisons, pictures and products, and of the library's public interface.
+//! Tests of image measures, comparisons, pictures and products, of files of moving targets, and of the library's public interface.
 
 mod compare;
 mod decoded;
@@ -11,4 +11,5 @@ mod plot_lines;
 mod product;
 mod quality;
 mod quicklook;
+mod stanag4607;
 mod terrain;

@@ -89,6 +89,7 @@
 //! | `terrain` | elevation models (SRTM HGT, GeoTIFF) with heights above the ellipsoid | `terrain` | `tiff` |
 //! | `module` | embedded module: plan, serial link, maps | `link` | `subaperture-core`, `serial2` |
 //! | `radio` | stepped-frequency radar on a software-defined radio, real or simulated: capture, range profiles | `radio` | |
+//! | `gmti` | moving targets of several channels: clutter cancellation, detection, velocity, position | `gmti` | |
 //! | `live_capture` | image of a running capture, updated with each sweep, on a given or estimated track | `radio`, which enables `motion` | |
 //! | `viewer` | local web viewer for large images and running captures | `viewer` | `axum`, `tokio` |
 //! | `gpu` | backprojection on a GPU by Vulkan or Metal | `gpu` | `wgpu` |
@@ -126,6 +127,8 @@ pub use {subaperture_focus as focus, subaperture_io as io, subaperture_signal as
 pub use subaperture_autofocus as autofocus;
 #[cfg(feature = "recording")]
 pub use subaperture_describe as describe;
+#[cfg(feature = "gmti")]
+pub use subaperture_gmti as gmti;
 #[cfg(feature = "gpu")]
 pub use subaperture_gpu as gpu;
 #[cfg(feature = "recording")]

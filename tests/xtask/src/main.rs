@@ -267,8 +267,8 @@ fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
     let python = python.inspect_err(|error| {
         eprintln!("{error}");
         runner.fail(
-            "Python with sarkit and rio-cogeo",
-            "let pip reach PyPI, or set SUBAPERTURE_PYTHON to a Python that imports sarkit and rio_cogeo",
+            "Python with sarkit, rio-cogeo and stanag4607",
+            "let pip reach PyPI, or set SUBAPERTURE_PYTHON to a Python that imports sarkit, rio_cogeo and stanag4607",
         );
     });
     suite::all(runner, python.ok().as_deref());

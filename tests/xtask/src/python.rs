@@ -1,4 +1,5 @@
-//! Python of the tests: that of `SUBAPERTURE_PYTHON`, otherwise `target/venv` with sarkit, rio-cogeo, xarray and zarr.
+//! Python of the tests: that of `SUBAPERTURE_PYTHON`, otherwise `target/venv` with sarkit, rio-cogeo, xarray, zarr and
+//! stanag4607.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -43,7 +44,7 @@ pub(crate) fn named() -> Option<PathBuf> {
 }
 
 fn has_packages(python: &Path) -> Result<(), String> {
-    run(Command::new(python).args(["-c", "import sarkit, rio_cogeo, xarray, zarr"]))
+    run(Command::new(python).args(["-c", "import sarkit, rio_cogeo, xarray, zarr, stanag4607"]))
 }
 
 /// Make the environment unless a complete one exists; returns its interpreter.

@@ -1,0 +1,182 @@
+//! Registered images of all channels on one grid: clutter has the same value in each.
+//!
+//! ```text
+//! channels ── alignment (section, lags) ── balance (gain, phase, delay) ── former, one image per channel ── registration ──> images
+//! ```
+//!
+//! Each image is formed by a former within its error bound, with the channel's own antenna positions. Its error remains after clutter
+//! is cancelled: a bound of -60 dB limits cancellation to about 57 dB.
+
+use glam::DVec3;
+use num_complex::Complex64;
+use subaperture_focus::{ImageFormer, Numerics, Task};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::Image;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{Channels, Pulse};
+use subaperture_signal::window::Window;
+
+use crate::alignment::Alignment;
+use crate::balance::{self, Balanced, ChannelBalance};
+use crate::error::GmtiError;
+use crate::registration::{self, PhaseModel, View, median};
+
+/// Settings of channel images.
+#[derive(Clone, Copy)]
+pub struct Imaging<'a> {
+    /// Former of each image.
+    pub former: &'a dyn ImageFormer,
+    /// Pixel grid of all images.
+    pub grid: &'a ImageGrid,
+    /// Windows over frequency and slow time.
+    pub windows: [Window; 2],
+    /// Memory limit of images and formers, bytes.
+    pub memory_bytes: u64,
+    /// Transforms and timing model.
+    pub numerics: Numerics<'a>,
+    /// Receiver of progress and source of cancellation.
+    pub monitor: &'a dyn Monitor,
+}
+
+/// Registered images of all channels.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct ChannelImages {
+    /// Image of each channel.
+    pub images: Vec<Image>,
+    /// Balance that was removed from the samples of each channel.
+    pub balances: Vec<ChannelBalance>,
+    /// Phase model that was removed from each image but the first.
+    pub models: Vec<PhaseModel>,
+    /// Largest predicted relative RMS error of an image, dB.
+    pub predicted_error_db: f64,
+    /// Frequency of sample `K/2`, the reference of phases, hertz.
+    pub centre_hz: f64,
+    /// View of the grid's centre in the middle of the aperture.
+    pub view: View,
+}
+
+impl Imaging<'_> {
+    /// Form the registered images of `channels`.
+    ///
+    /// # Errors
+    /// [`GmtiError`].
+    pub fn form(
+        &self,
+        channels: &Channels,
+        alignment: &Alignment,
+    ) -> Result<ChannelImages, GmtiError> {
+        let grid = self.grid;
+        let band = balance::shared_band(channels)?;
+        let needed_bytes = (channels.len() as u64).saturating_mul(8 * grid.num_pixels());
+        if needed_bytes > self.memory_bytes / 2 {
+            return Err(GmtiError::Memory {
+                channels: channels.len(),
+                needed_bytes,
+                allowed_bytes: self.memory_bytes / 2,
+            });
+        }
+        let centre_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        let balances = balance::balance(channels, alignment, centre_m)?;
+        let [fast, slow] = self.windows;
+        let weights = alignment.weights(band.count, fast, slow);
+        let mut images = Vec::with_capacity(channels.len());
+        let mut predicted_error_db = f64::NEG_INFINITY;
+        for (c, weights) in weights.iter().enumerate() {
+            let history = Balanced::new(channels.channel(c), &balances[c]);
+            let task = Task {
+                memory_bytes: self.memory_bytes - needed_bytes,
+                monitor: self.monitor,
+                numerics: self.numerics,
+                ..Task::new(&history, grid, weights)
+            };
+            let formed = self.former.form(&task)?;
+            predicted_error_db = predicted_error_db.max(formed.predicted_error_db);
+            images.push(formed.image);
+        }
+        let view = self.view(channels, alignment, centre_m, band.centre_hz());
+        let mut models = Vec::new();
+        if let Some((reference, others)) = images.split_first_mut() {
+            for image in others {
+                let model = registration::estimate(reference, image, grid, &view);
+                let model = model.ok_or_else(|| {
+                    GmtiError::Unsuited("the image has no power: no clutter to register".to_owned())
+                })?;
+                registration::remove(image, grid, &view, &model);
+                models.push(model);
+            }
+        }
+        Ok(ChannelImages {
+            images,
+            balances,
+            models,
+            predicted_error_db,
+            centre_hz: band.centre_hz(),
+            view,
+        })
+    }
+
+    fn view(
+        &self,
+        channels: &Channels,
+        alignment: &Alignment,
+        centre_m: DVec3,
+        centre_hz: f64,
+    ) -> View {
+        let pulses = alignment.middle_pulses();
+        let track = &channels.channel(0).collection().pulses[pulses];
+        let place = |pulse: &Pulse| (pulse.transmitter_m + pulse.receiver_m) / 2.0;
+        let antenna_m = place(&track[track.len() / 2]);
+        let velocity = place(&track[track.len() - 1]) - place(&track[0]);
+        View::new(
+            antenna_m,
+            velocity,
+            centre_m,
+            SPEED_OF_LIGHT_M_S / centre_hz,
+        )
+    }
+}
+
+/// Edge of the blocks whose median is the cancellation, pixels.
+const BLOCK: usize = 16;
+
+/// Comparison of two registered images of a scene of clutter.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Cancellation {
+    /// Ratio of the mean power of both images to half of that of their difference, dB; median over blocks of pixels.
+    pub ratio_db: f64,
+    /// Coherence of both images, 0 to 1; median over blocks.
+    pub coherence: f64,
+}
+
+impl ChannelImages {
+    /// Cancellation of the clutter of a channel with the first one. For a coherence `rho` and equal powers the ratio is `1 / (1 - rho)`.
+    pub fn cancellation(&self, channel: usize) -> Cancellation {
+        let [a, b] = [0, channel].map(|c| &self.images[c]);
+        let (mut ratios, mut coherences) = (Vec::new(), Vec::new());
+        for first_row in (0..a.rows).step_by(BLOCK) {
+            for first_column in (0..a.columns).step_by(BLOCK) {
+                let (mut cross, mut rest, mut powers) = (Complex64::ZERO, 0.0, [0.0; 2]);
+                for row in first_row..(first_row + BLOCK).min(a.rows) {
+                    for column in first_column..(first_column + BLOCK).min(a.columns) {
+                        let values = [a, b].map(|image| {
+                            let z = image.pixels[row * a.columns + column];
+                            Complex64::new(z.re.into(), z.im.into())
+                        });
+                        cross += values[1] * values[0].conj();
+                        rest += (values[1] - values[0]).norm_sqr();
+                        powers = [0, 1].map(|i| powers[i] + values[i].norm_sqr());
+                    }
+                }
+                ratios.push((powers[0] + powers[1]) / rest);
+                coherences.push(cross.norm() / (powers[0] * powers[1]).sqrt());
+            }
+        }
+        let [ratio, coherence] = [ratios, coherences].map(median);
+        Cancellation {
+            ratio_db: 10.0 * ratio.log10(),
+            coherence,
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! Detected targets: radial velocity and position with covariance.
+//!
+//! Detected pixels form groups, one for each target ([`crate::groups`]). The radial velocity of a target maximises
+//!
+//! ```text
+//! J(v) = K / g sum_p |s(v)^H S^-1 x_p|^2 / (s(v)^H S^-1 s(v))
+//! ```
+//!
+//! over its pixels, the log likelihood of a target of unknown complex amplitude in each pixel; `S` is the sum over `K` training cells, and `g` the
+//! pixels of an independent cell. The standard deviation is `(-J''(v))^(-1/2)`, the Cramer-Rao bound at the estimate.
+//!
+//! The image shows a target of path rate `rho = -2 v` where a stationary scatterer has its path and its total path rate. Its position at
+//! the middle of the aperture has the same path, and the path rate of the radar alone:
+//!
+//! ```text
+//! path(p) = path(image place),   d path(p) / dt = d path(image place) / dt - rho
+//! ```
+//!
+//! Range and Doppler side lobes of a strong target exceed the threshold as well. Groups of pixels on its Doppler or range line are left out and counted if they are weaker by
+//! the side lobe ratio (PSLR) of the window over frequency or slow time, less a margin of 8 dB, and by 1.5 dB more per octave of the distance beyond 5 cells.
+//!
+//! Neglected: height above the grid's plane, acceleration, and the motion along the track, which defocus or move the image place less.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture_focus::sub_cpi::SubCpi;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::Collection;
+use subaperture_model::resolution::theory::expected;
+use subaperture_signal::window::Window;
+
+use crate::adaptive::{Loading, Whitener};
+use crate::alignment::Alignment;
+use crate::detection::{
+    Settings, StatisticMap, channels, steering, train, unambiguous_m_s, velocities_m_s,
+};
+use crate::error::GmtiError;
+use crate::groups::groups;
+use crate::images::ChannelImages;
+use crate::motion::{CrossRange, axes};
+
+/// Level below the strongest pixel of a target, dB, from which its pixels are used.
+const USED_DB: f64 = 10.0;
+
+/// Margin of the side lobes of a target over those of the windows, dB: a defocused target is lower, and its side lobes add to noise.
+const SIDE_LOBE_MARGIN_DB: f64 = 8.0;
+
+/// Distance from which side lobes fall by 1.5 dB per octave or more, resolution cells.
+const LEVEL_CELLS: f64 = 5.0;
+
+/// Half-width of the lines of side lobes, resolution cells.
+const LINE_CELLS: f64 = 3.0;
+
+/// Smallest cosine of the grazing angle with which a radial velocity gives a horizontal one.
+const MIN_LEVEL: f64 = 0.05;
+
+/// Steps of the velocity search, per interval between tested velocities.
+const FINE: usize = 8;
+
+/// Standard deviation of a range, in resolution cells at an SNR of 1: `sqrt(12) / (2 pi sqrt(2))`, of a flat spectrum.
+const RANGE_DEVIATION: f64 = 0.39;
+
+/// Standard deviation of the place of a target in the image along the track, as a fraction of its extent: measured on 240 targets (`tests/scene.rs`).
+const EXTENT_DEVIATION: f64 = 0.06;
+
+/// Detected moving target at the middle of the aperture.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct Target {
+    /// Time from the collection's start, seconds.
+    pub time_s: f64,
+    /// Row and column in the image, where the target appears.
+    pub image_pixel: [f64; 2],
+    /// Scene position at which the target appears, metres.
+    pub image_position_m: [f64; 3],
+    /// Position of the target, metres. `None` where no point of the plane has its path and path rate.
+    pub position_m: Option<[f64; 3]>,
+    /// Covariance of the position along x and y of the grid, square metres.
+    pub covariance_m2: Option<[[f64; 2]; 2]>,
+    /// Covariance of the position along x and y of the grid with the radial velocity, m * m/s.
+    pub position_velocity_covariance: Option<[f64; 2]>,
+    /// Velocity along the line of sight, metres per second, positive when approaching.
+    pub radial_velocity_m_s: f64,
+    /// Standard deviation of the radial velocity, metres per second.
+    pub velocity_deviation_m_s: f64,
+    /// Interval of radial velocities without ambiguity: other velocities differ by multiples of it, metres per second.
+    pub velocity_ambiguity_m_s: f64,
+    /// Cross-range velocity from the target's focus. `None` if it was not estimated.
+    pub cross_range: Option<CrossRange>,
+    /// Horizontal velocity in the scene frame, metres per second, from radial and cross-range velocity.
+    pub velocity_m_s: Option<[f64; 3]>,
+    /// Horizontal speed towards the radar, if the motion is horizontal and radial, metres per second.
+    pub ground_speed_m_s: f64,
+    /// Ratio of signal to clutter and noise after cancellation, dB.
+    pub snr_db: f64,
+    /// Extent along the track of its pixels within 10 dB of the strongest, metres: resolution and defocus.
+    pub extent_m: f64,
+    /// Number of pixels above the threshold.
+    pub num_pixels: usize,
+}
+
+/// Estimator of the targets of one tested image.
+pub(crate) struct Estimator<'a> {
+    /// Registered images of all channels.
+    pub(crate) images: &'a ChannelImages,
+    /// Alignment of the channels.
+    pub(crate) alignment: &'a Alignment,
+    /// Geometry of channel 0.
+    pub(crate) collection: &'a Collection,
+    /// Pixel grid of the images.
+    pub(crate) grid: &'a ImageGrid,
+    /// Settings with which the image was tested.
+    pub(crate) settings: &'a Settings,
+    /// Windows over frequency and slow time.
+    pub(crate) windows: [Window; 2],
+}
+
+/// Ratio of power from which a weaker group of pixels may be a side lobe of a window.
+fn side_lobe_ratio(window: Window) -> f32 {
+    let response = expected(&window.weights(128), 16.0, 3.0);
+    let ratio_db = response
+        .and_then(|response| response.null_rule.pslr_db)
+        .unwrap_or(0.0);
+    let ratio_db = (-ratio_db - SIDE_LOBE_MARGIN_DB).max(0.0);
+    10f64.powf(ratio_db / 10.0) as f32
+}
+
+impl Estimator<'_> {
+    /// Estimate the targets of a tested image, strongest first, and count the side lobes that were left out.
+    ///
+    /// # Errors
+    /// [`GmtiError::Adaptive`] if training fails.
+    pub(crate) fn targets(&self, map: &StatisticMap) -> Result<(Vec<Target>, usize), GmtiError> {
+        let track = SubCpi::new(self.collection, self.alignment.middle_pulses());
+        let path_cell_m = 2.0 * self.range_cell_m();
+        let rate_cell = SPEED_OF_LIGHT_M_S / self.images.centre_hz / self.alignment.duration_s()
+            * self.interval_s();
+        let (mut targets, mut lines): (Vec<Target>, Vec<Lines>) = Default::default();
+        let mut side_lobes = 0;
+        let ratios = self.windows.map(side_lobe_ratio);
+        for (peak, pixels) in groups(map) {
+            let of = |pixel: usize| {
+                let at = self
+                    .grid
+                    .position_m(pixel / map.columns, pixel % map.columns);
+                track.path_and_rate(at)
+            };
+            let ((path_m, rate), snr) = (of(peak), map.snr[peak]);
+            let masks = |stronger: &Lines| stronger.mask((path_m, rate), snr, ratios);
+            if lines.iter().any(masks) {
+                side_lobes += 1;
+                continue;
+            }
+            lines.push(Lines::around(
+                pixels.iter().map(|&pixel| of(pixel)),
+                [path_cell_m, rate_cell],
+                snr,
+            ));
+            targets.push(self.target(map, &track, (peak, &pixels))?);
+        }
+        Ok((targets, side_lobes))
+    }
+
+    fn target(
+        &self,
+        map: &StatisticMap,
+        track: &SubCpi,
+        (peak, pixels): (usize, &[usize]),
+    ) -> Result<Target, GmtiError> {
+        let snr = |pixel: usize| f64::from(map.snr[pixel]);
+        let least = snr(peak) * 10f64.powf(-USED_DB / 10.0);
+        let used: Vec<usize> = pixels
+            .iter()
+            .copied()
+            .filter(|&pixel| snr(pixel) >= least)
+            .collect();
+        let total: f64 = used.iter().map(|&pixel| snr(pixel)).sum();
+        let mean = |of: &dyn Fn(usize) -> usize| {
+            used.iter()
+                .map(|&pixel| snr(pixel) * of(pixel) as f64)
+                .sum::<f64>()
+                / total
+        };
+        let [row, column] = [
+            mean(&|pixel| pixel / map.columns),
+            mean(&|pixel| pixel % map.columns),
+        ];
+        let along = self.images.view.along();
+        let places = used.iter().map(|&pixel| {
+            let at = self
+                .grid
+                .position_m(pixel / map.columns, pixel % map.columns);
+            at.dot(along)
+        });
+        let ends = [f64::INFINITY, f64::NEG_INFINITY];
+        let [least, most] = places.fold(ends, |[low, high], s| [low.min(s), high.max(s)]);
+        let (velocity, deviation, ambiguity) = self.velocity(map, peak, &used)?;
+        let image_m = self.place_m(row, column);
+        let sight = (image_m - self.images.view.antenna_m()).normalize_or_zero();
+        let level = libm::hypot(sight.x, sight.y);
+        let interval_s = self.interval_s();
+        let (path_m, rate) = track.path_and_rate(image_m);
+        let place = |velocity_m_s: f64, path_m: f64| {
+            let rate = rate + 2.0 * velocity_m_s * interval_s;
+            track.locate(image_m, [self.grid.x_axis, self.grid.y_axis], path_m, rate)
+        };
+        let position = place(velocity, path_m);
+        // Resolution and SNR determine the error of the path; the errors of the velocity and of the place in the image move the position along the track.
+        let cell_m = self.range_cell_m();
+        let path_error_m = 2.0 * RANGE_DEVIATION * cell_m / snr(peak).sqrt();
+        let covariances = position.and_then(|position| {
+            let ends = [
+                place(velocity + deviation, path_m)?,
+                place(velocity, path_m + path_error_m)?,
+            ];
+            let [velocity_m, path_m] = ends.map(|end| end - position);
+            let image_m =
+                along * (EXTENT_DEVIATION * (most - least + self.azimuth_cell_m(image_m)));
+            let errors = [velocity_m, path_m, image_m]
+                .map(|moved| [moved.dot(self.grid.x_axis), moved.dot(self.grid.y_axis)]);
+            let sum = |i: usize, j: usize| errors.iter().map(|e| e[i] * e[j]).sum();
+            let matrix = [[sum(0, 0), sum(0, 1)], [sum(1, 0), sum(1, 1)]];
+            Some((matrix, errors[0].map(|e| e * deviation)))
+        });
+        Ok(Target {
+            time_s: self.alignment.centre_s(),
+            image_pixel: [row, column],
+            image_position_m: image_m.to_array(),
+            position_m: position.map(|position| position.to_array()),
+            covariance_m2: covariances.map(|(position, _)| position),
+            position_velocity_covariance: covariances.map(|(_, velocity)| velocity),
+            radial_velocity_m_s: velocity,
+            velocity_deviation_m_s: deviation,
+            velocity_ambiguity_m_s: ambiguity,
+            cross_range: None,
+            velocity_m_s: None,
+            ground_speed_m_s: velocity / level,
+            snr_db: 10.0 * snr(peak).log10(),
+            extent_m: most - least,
+            num_pixels: pixels.len(),
+        })
+    }
+
+    /// Horizontal velocity of a target with a cross-range velocity.
+    pub(crate) fn velocity_m_s(&self, target: &Target) -> Option<[f64; 3]> {
+        let across_m_s = target.cross_range?.velocity_m_s;
+        let sight = DVec3::from(target.position_m?) - self.images.view.antenna_m();
+        let [x_axis, y_axis] = axes(sight, self.images.view.along())?;
+        let level = y_axis.dot(sight.normalize_or_zero());
+        let velocity = x_axis * across_m_s - y_axis * (target.radial_velocity_m_s / level);
+        // A target below the radar has no horizontal velocity along the line of sight.
+        (level > MIN_LEVEL).then(|| velocity.to_array())
+    }
+
+    /// Scene position at fractional pixels.
+    fn place_m(&self, row: f64, column: f64) -> DVec3 {
+        let (r, c) = (row.floor() as usize, column.floor() as usize);
+        let near = self.grid.position_m(r, c);
+        let next = |r: usize, c: usize| {
+            self.grid.position_m(
+                r.min(self.grid.rows.count - 1),
+                c.min(self.grid.columns.count - 1),
+            ) - near
+        };
+        near + next(r + 1, c) * row.fract() + next(r, c + 1) * column.fract()
+    }
+
+    /// Mean pulse interval of the middle pulses, seconds.
+    fn interval_s(&self) -> f64 {
+        let pulses = &self.collection.pulses[self.alignment.middle_pulses()];
+        (pulses[pulses.len() - 1].time_s - pulses[0].time_s) / (pulses.len() - 1) as f64
+    }
+
+    /// Resolution along the track at a position, metres: `lambda R / (2 V T)`.
+    fn azimuth_cell_m(&self, position_m: DVec3) -> f64 {
+        let wavelength_m = SPEED_OF_LIGHT_M_S / self.images.centre_hz;
+        let length_m = self.alignment.speed_m_s() * self.alignment.duration_s();
+        wavelength_m * position_m.distance(self.images.view.antenna_m()) / (2.0 * length_m)
+    }
+
+    /// Slant range resolution, metres.
+    fn range_cell_m(&self) -> f64 {
+        let bandwidth_hz = self
+            .collection
+            .band()
+            .map_or(f64::NAN, |band| band.bandwidth_hz());
+        SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz)
+    }
+
+    /// Radial velocity, its standard deviation, and the interval of ambiguity, metres per second.
+    fn velocity(
+        &self,
+        map: &StatisticMap,
+        peak: usize,
+        used: &[usize],
+    ) -> Result<(f64, f64, f64), GmtiError> {
+        let (lags_s, centre_hz) = (self.alignment.lags_s(), self.images.centre_hz);
+        let size = lags_s.len();
+        let covariance = train(self.images, map.spacing, self.settings, peak);
+        let whitener = covariance.factor(Loading::Off)?;
+        let mut cell = vec![Complex32::ZERO; size];
+        let cells: Vec<Vec<Complex64>> = used
+            .iter()
+            .map(|&pixel| {
+                channels(self.images, pixel, &mut cell);
+                let mut white = vec![Complex64::ZERO; size];
+                whitener.whiten(&cell, &mut white);
+                white
+            })
+            .collect();
+        let shared = (map.spacing.rows * map.spacing.columns) as f64;
+        let scale = covariance.snapshots() as f64 / shared;
+        let likelihood = |velocity_m_s: f64| {
+            scale
+                * likelihood(
+                    &whitener,
+                    &steering(lags_s, centre_hz, velocity_m_s),
+                    &cells,
+                )
+        };
+        let most = unambiguous_m_s(lags_s, centre_hz);
+        let count = FINE * velocities_m_s(lags_s, centre_hz).len();
+        let step = 2.0 * most / count as f64;
+        let places = (0..count).map(|i| (i as f64 + 0.5) * step - most);
+        let mut best = places
+            .map(|v| (v, likelihood(v)))
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .expect("velocities are searched");
+        let mut width = step / 2.0;
+        while width > 1e-7 * most {
+            for v in [best.0 - width, best.0 + width] {
+                let there = likelihood(v);
+                if there > best.1 {
+                    best = (v, there);
+                }
+            }
+            width /= 2.0;
+        }
+        let h = step / 4.0;
+        let curvature = (2.0 * best.1 - likelihood(best.0 + h) - likelihood(best.0 - h)) / (h * h);
+        let deviation = match curvature > 0.0 {
+            true => curvature.sqrt().recip().min(most),
+            false => most,
+        };
+        Ok((best.0, deviation, 2.0 * most))
+    }
+}
+
+/// `sum |s^H x|^2 / (s^H s)` of whitened vectors.
+fn likelihood(whitener: &Whitener, steering: &[Complex64], cells: &[Vec<Complex64>]) -> f64 {
+    let mut white = vec![Complex64::ZERO; steering.len()];
+    whitener.whiten(steering, &mut white);
+    let norm: f64 = white.iter().map(Complex64::norm_sqr).sum();
+    let matched = |cell: &Vec<Complex64>| {
+        let terms = white.iter().zip(cell).map(|(s, x)| s.conj() * x);
+        terms.sum::<Complex64>().norm_sqr()
+    };
+    cells.iter().map(matched).sum::<f64>() / norm
+}
+
+/// Range and Doppler lines of a target: intervals of its paths and path rates, and its SNR.
+struct Lines {
+    paths_m: [f64; 2],
+    rates: [f64; 2],
+    cells: [f64; 2],
+    snr: f32,
+}
+
+impl Lines {
+    /// Lines of pixels with these paths and rates. `cells` are the resolution cells of both.
+    fn around(pixels: impl Iterator<Item = (f64, f64)>, cells: [f64; 2], snr: f32) -> Self {
+        let empty = [f64::INFINITY, f64::NEG_INFINITY];
+        let wider = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
+        let (paths_m, rates) = pixels.fold((empty, empty), |(paths_m, rates), (path_m, rate)| {
+            (wider(paths_m, path_m), wider(rates, rate))
+        });
+        Self {
+            paths_m,
+            rates,
+            cells,
+            snr,
+        }
+    }
+
+    /// Whether a pixel of this SNR may be a side lobe: on the Doppler line by the window over frequency, or on the range line by that over slow time.
+    fn mask(&self, (path_m, rate): (f64, f64), snr: f32, [fast, slow]: [f32; 2]) -> bool {
+        let outside = |[low, high]: [f64; 2], value: f64| (low - value).max(value - high).max(0.0);
+        let range = outside(self.paths_m, path_m) / self.cells[0];
+        let doppler = outside(self.rates, rate) / self.cells[1];
+        let level = |cells: f64| (cells / LEVEL_CELLS).max(1.0).sqrt() as f32;
+        (doppler <= LINE_CELLS && self.snr >= fast * level(range) * snr)
+            || (range <= LINE_CELLS && self.snr >= slow * level(doppler) * snr)
+    }
+}

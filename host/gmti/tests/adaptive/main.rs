@@ -1,0 +1,8 @@
+//! Adaptive detection against hand-computed cases, simulated counts and closed forms.
+
+mod closed_forms;
+mod counts;
+mod loss;
+mod matrices;
+mod noise;
+mod targets;
