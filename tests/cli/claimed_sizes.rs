@@ -19,11 +19,12 @@ const MIB: u32 = 64;
 const SPACE_MIB: u32 = 1024;
 
 /// Commands that open a recording, an image, and a surface.
-const RECORDING: [&str; 6] = [
+const RECORDING: [&str; 7] = [
     "info X",
     "focus X -o o",
     "crosscheck X",
     "track X -o o.csv",
+    "gmti X -o o.geojson",
     "velocity X --at 1,2 --vx=-1:1:1 --vy=-1:1:1 --out o",
     "plan focus X -o o.json",
 ];

@@ -14,7 +14,7 @@ use crate::memory::{self, measured, peak_of};
 const BUDGETS: [u32; 2] = [26, 64];
 
 /// Commands with quick runs of each. `%` is the budget, which makes the names of outputs unique.
-pub(crate) const COMMANDS: [(&str, &[&str]); 31] = [
+pub(crate) const COMMANDS: [(&str, &[&str]); 32] = [
     (
         "focus",
         &["focus few.cphd --grid x=-20:20:0.1,y=-20:20:0.1 --allow-error -o out --force"],
@@ -22,6 +22,10 @@ pub(crate) const COMMANDS: [(&str, &[&str]); 31] = [
     (
         "velocity",
         &["velocity few.cphd --at 1,2 --vx=-30:30:0.5 --vy=-30:30:0.5 --out v --force"],
+    ),
+    (
+        "gmti",
+        &["gmti walk.cphd -o targets.geojson --grid x=-6:6:0.1,y=4:12:0.1 --force"],
     ),
     // A link without a listener is refused after the recording was read and planned; sessions are measured with the module's firmware.
     (
@@ -225,7 +229,7 @@ fn every_command_stays_within_its_memory() {
 }
 
 /// Commands that read `X`.
-const READERS: [&str; 30] = [
+const READERS: [&str; 31] = [
     "info X",
     "focus X -o o",
     "focus few.cphd --plan X -o o",
@@ -234,6 +238,7 @@ const READERS: [&str; 30] = [
     "focus few.cphd --track X -o o",
     "focus --from-maps X -o o",
     "velocity X --at 1,2 --vx=-1:1:1 --vy=-1:1:1 --out o",
+    "gmti X -o o.geojson",
     "simulate X -o o.cphd",
     "crosscheck X",
     "tune X --vary recording.range_bias=0:1:0.5m --at 1,2",

@@ -220,6 +220,7 @@ pages! {
     channels_page_runs: "host/guide/src/howto/channels.md",
     cphd_page_runs: "host/guide/src/howto/cphd.md",
     export_page_runs: "host/guide/src/howto/export.md",
+    gmti_page_runs: "host/guide/src/howto/gmti.md",
     jobs_page_runs: "host/guide/src/howto/jobs.md",
     library_page_runs: "host/guide/src/howto/library.md",
     maps_page_runs: "host/guide/src/howto/maps.md",

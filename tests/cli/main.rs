@@ -19,6 +19,7 @@ mod every_command;
 mod export;
 #[cfg(target_os = "linux")]
 mod failing_writes;
+mod gmti;
 mod guide;
 mod hostile;
 mod json;

@@ -186,6 +186,7 @@ fn json_lists_exactly_the_written_files() {
     for name in [
         "focus",
         "velocity",
+        "gmti",
         "simulate",
         "tune",
         "track",

@@ -74,6 +74,8 @@ pub enum Kind {
     Description,
     /// NumPy array stated by a record in the same folder.
     Array,
+    /// Moving targets, STANAG 4607 packet.
+    Gmtif,
 }
 
 impl Kind {
@@ -119,6 +121,8 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
             is_our_description(&text)
         }
         Kind::Array => is_recorded(path, file)?,
+        // A packet has no room for a mark: only its own format is recognised.
+        Kind::Gmtif => starts_with(&mut file, b"30\0")?,
     };
     Ok((!ours).then_some(match kind {
         Kind::Collection => "it is not a CPHD file written by subap",
@@ -130,6 +134,7 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         Kind::Record => "it is not a record written by subap",
         Kind::Text => "it is not a text written by subap",
         Kind::Description => "it is not a description written by subap, or was edited afterwards",
+        Kind::Gmtif => "it is not a STANAG 4607 packet of version 30",
         Kind::Array => "it is not an array stated by a record of subap in the same folder",
     }))
 }

@@ -37,6 +37,12 @@ pub enum FileKind {
     Maps,
     /// Targets detected by an embedded module, CSV.
     Detections,
+    /// Moving targets of several channels, GeoJSON.
+    #[serde(rename = "moving targets")]
+    MovingTargets,
+    /// Moving targets, STANAG 4607 packet.
+    #[serde(rename = "stanag 4607")]
+    Stanag4607,
     /// Plan of an image, executed by any computer.
     Plan,
     /// Timing model of a computer.

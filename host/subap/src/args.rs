@@ -6,6 +6,7 @@ mod focus;
 mod formers;
 mod front;
 mod global;
+mod gmti;
 mod logs;
 mod look;
 mod maps;
@@ -45,6 +46,7 @@ pub(crate) use focus::{
 pub(crate) use formers::{FormerOptions, key as former_key, options as former_options};
 pub(crate) use front::{command, parse};
 pub(crate) use global::Global;
+pub(crate) use gmti::Gmti;
 pub(crate) use logs::Logs;
 pub(crate) use look::{ColourMap, Look, Picture};
 pub(crate) use maps::{MapLayout, MapProjection, Mapping, RemapName};
@@ -101,6 +103,8 @@ pub(crate) enum Command {
     Focus(Box<Focus>),
     /// Form the velocity image of a moving target
     Velocity(Velocity),
+    /// Detect moving targets in several channels (GMTI): velocity, position, picture
+    Gmti(Gmti),
     /// Compute range-Doppler maps or an image on an embedded module, and store them
     Link(Link),
     /// Simulate a scene: phase history as CPHD 1.1, or raw echoes

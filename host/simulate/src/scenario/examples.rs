@@ -1,20 +1,21 @@
 //! Example scenarios, as printed by `subap simulate --example NAME`.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 9] = [
+const EXAMPLES: [(&str, &str); 10] = [
     ("spotlight", include_str!("examples/spotlight.toml")),
     ("stripmap", include_str!("examples/stripmap.toml")),
     ("circular", include_str!("examples/circular.toml")),
     ("rail", include_str!("examples/rail.toml")),
     ("stepped", include_str!("examples/stepped.toml")),
     ("mover", include_str!("examples/mover.toml")),
+    ("gmti", include_str!("examples/gmti.toml")),
     ("arc", include_str!("examples/arc.toml")),
     ("walk", include_str!("examples/walk.toml")),
     ("distributed", include_str!("examples/distributed.toml")),
 ];
 
 /// Names of the examples.
-pub fn names() -> [&'static str; 9] {
+pub fn names() -> [&'static str; 10] {
     EXAMPLES.map(|(name, _)| name)
 }
 

@@ -7,7 +7,7 @@ use super::Args;
 
 /// Commands by group, in the order of the help. Every command belongs to exactly one group.
 const GROUPS: [(&str, &[&str]); 8] = [
-    ("form", &["focus", "velocity", "run", "link"]),
+    ("form", &["focus", "velocity", "gmti", "run", "link"]),
     (
         "inspect",
         &[
@@ -28,7 +28,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Examples of each command, one a line.
-const EXAMPLES: [(&str, &str); 34] = [
+const EXAMPLES: [(&str, &str); 35] = [
     (
         "focus",
         "subap focus scene.cphd --out image\n\
@@ -38,6 +38,7 @@ const EXAMPLES: [(&str, &str); 34] = [
         "velocity",
         "subap velocity scene.cphd --at 0,0 --vx -1:1:0.1 --vy -1:1:0.1 --out plane",
     ),
+    ("gmti", "subap gmti flight.cphd -o targets.geojson"),
     ("run", "subap run job.toml"),
     (
         "link",
@@ -94,7 +95,7 @@ const EXAMPLES: [(&str, &str); 34] = [
 ];
 
 /// Options in `-h` of commands whose whole help is longer than a screen, by command. `--help` shows all options.
-const SHORT: [(&str, &[&str]); 14] = [
+const SHORT: [(&str, &[&str]); 15] = [
     (
         "focus",
         &[
@@ -112,6 +113,20 @@ const SHORT: [(&str, &[&str]); 14] = [
         "velocity",
         &[
             "at", "vx", "vy", "vz", "out", "error_db", "window", "channel", "force", "dry_run",
+        ],
+    ),
+    (
+        "gmti",
+        &[
+            "out",
+            "picture",
+            "channels",
+            "dwell",
+            "false_alarms",
+            "grid",
+            "error_db",
+            "window",
+            "force",
         ],
     ),
     (

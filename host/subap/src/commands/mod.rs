@@ -10,6 +10,7 @@ mod demo;
 mod export;
 mod focus;
 mod forming;
+mod gmti;
 mod info;
 mod link;
 mod live;
@@ -51,6 +52,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Simulate(typed) => simulate::run(session, &typed),
         Command::Crosscheck(typed) => crosscheck::run(session, &typed),
         Command::Velocity(typed) => velocity::run(session, &typed),
+        Command::Gmti(typed) => gmti::run(session, &typed),
         Command::Link(typed) => link::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Recording(typed) => recording::run(&typed),

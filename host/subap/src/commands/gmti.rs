@@ -1,0 +1,123 @@
+//! `subap gmti`: moving targets of a recording of several channels.
+
+mod found;
+mod packet;
+mod report;
+
+use std::time::Instant;
+
+use serde_json::json;
+use subaperture::focus::Numerics;
+use subaperture::focus::formers;
+use subaperture::geometry::ImageGrid;
+use subaperture::gmti::detection::Settings;
+use subaperture::gmti::tracker::Plane;
+use subaperture::gmti::{Imaging, MovingTargets, find, find_in_dwells, geojson};
+use subaperture::io::ours::Kind;
+use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
+use subaperture::phase_history::{PhaseHistory, PulseRange};
+
+use super::{forming, track};
+use crate::args::Gmti;
+use crate::config::{Session, record_of_run};
+use crate::{interrupt, messages, text};
+use found::Found;
+use packet::Packet;
+
+/// Former of the channels' images.
+const FORMER: &str = "auto";
+
+/// Detect targets and write them with a picture, both complete or neither.
+pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let picture = match &typed.picture {
+        Some(path) => path.clone(),
+        None => typed.out.with_extension("png"),
+    };
+    let mut claims = session.claims(&typed.writing, &[&typed.input]);
+    claims.file(&typed.out, Kind::Record)?;
+    claims.file(&picture, Kind::Picture)?;
+    if let Some(path) = &typed.stanag {
+        claims.file(path, Kind::Gmtif)?;
+    }
+    let named = typed.channels.named();
+    let channels = track::open(session, &typed.input, named, &typed.set)?;
+    let grid = grid(session, typed, channels.channel(0))?;
+    session.check_grid(&grid, 2 + channels.len() as u64)?;
+    let collection = channels.channel(0).collection();
+    let mut packet = match &typed.stanag {
+        Some(_) => Some(Packet::new(typed, channels.channel(0))?),
+        None => None,
+    };
+    let former = formers::former(FORMER, &json!({ "error_db": typed.error_db }))?;
+    let progress = session.progress("detecting");
+    let imaging = Imaging {
+        former: &*former,
+        grid: &grid,
+        windows: typed.windows.both(),
+        memory_bytes: session.memory_bytes,
+        numerics: match typed.portable {
+            true => Numerics::default().portable(),
+            false => Numerics::default(),
+        },
+        monitor: &progress,
+    };
+    let settings = Settings {
+        false_alarm_probability: typed.false_alarms,
+        guard_cells: typed.guard,
+        training_cells: typed.training,
+        ..Settings::default()
+    };
+    let plane = Plane::of(&grid);
+    let mut found = Found::new(plane)?;
+    let mut visit = |dwell: MovingTargets| -> anyhow::Result<()> {
+        if let Some(packet) = &mut packet {
+            packet.add(&dwell, &grid, &collection.frame)?;
+        }
+        found.add(dwell, &channels)?;
+        interrupt::check()?;
+        Ok(())
+    };
+    match typed.dwell {
+        None => visit(find(&channels, &imaging, &settings)?)?,
+        Some(dwell_s) => find_in_dwells(&channels, &imaging, &settings, dwell_s, visit)?,
+    }
+    progress.finish();
+    let drawn = found.drawn(session, &grid, &channels)?;
+    let tracks = (found.tracker.tracks(), &plane);
+    let mut record = geojson::collection(&found.dwells, tracks, &collection.frame);
+    record["run"] = record_of_run(session, start.elapsed());
+    record["channels"] = json!(found.channels);
+    record["settings"] = json!(settings);
+    record["warnings"] = json!(messages::warnings());
+    let mut files = FileSet::new();
+    let bytes = serde_json::to_vec_pretty(&record)?;
+    files.write_bytes(&typed.out, FileKind::MovingTargets, &bytes)?;
+    files.write_bytes(&picture, FileKind::Picture, &drawn)?;
+    if let (Some(path), Some(packet)) = (&typed.stanag, &packet) {
+        files.write_bytes(path, FileKind::Stanag4607, &packet.encoded()?)?;
+    }
+    let files = files.commit()?;
+    if session.json() {
+        record["files"] = json!(files);
+        return text::say_json("moving-targets", record);
+    }
+    match session.prints_text() {
+        true => report::say(typed, &found),
+        false => Ok(()),
+    }
+}
+
+/// Given grid, or the default grid of the first dwell.
+fn grid(session: &Session, typed: &Gmti, history: &dyn PhaseHistory) -> anyhow::Result<ImageGrid> {
+    let pulses = &history.collection().pulses;
+    let count = match (typed.dwell, pulses.first()) {
+        (Some(dwell_s), Some(first)) => {
+            pulses.partition_point(|pulse| pulse.time_s - first.time_s <= dwell_s)
+        }
+        _ => pulses.len(),
+    };
+    let survey = forming::survey(&PulseRange::new(history, 0..count))?;
+    session.grid(typed.grid.as_ref(), &survey)
+}

@@ -1,0 +1,140 @@
+//! Targets and tracks of all dwells, and their picture.
+
+use glam::DVec3;
+use serde_json::{Value, json};
+use subaperture::geometry::ImageGrid;
+use subaperture::gmti::tracker::{self, Plane, Track, Tracker};
+use subaperture::gmti::{MovingTargets, Target};
+use subaperture::image::Image;
+use subaperture::phase_history::{Channel, Channels};
+use subaperture::plot::{self, Mark, Orientation, Panel};
+
+use crate::config::Session;
+
+/// Targets and tracks of all dwells.
+pub(super) struct Found {
+    pub(super) dwells: Vec<Vec<Target>>,
+    pub(super) tracker: Tracker,
+    /// Balance, registration and cancellation of each channel in the first dwell.
+    pub(super) channels: Vec<Value>,
+    /// Image of the first channel in the first dwell.
+    image: Option<Image>,
+    pub(super) side_lobes: usize,
+    pub(super) cells: f64,
+}
+
+impl Found {
+    pub(super) fn new(plane: Plane) -> anyhow::Result<Self> {
+        Ok(Self {
+            dwells: Vec::new(),
+            tracker: Tracker::new(tracker::Settings {
+                plane,
+                ..tracker::Settings::default()
+            })?,
+            channels: Vec::new(),
+            image: None,
+            side_lobes: 0,
+            cells: 0.0,
+        })
+    }
+
+    pub(super) fn add(&mut self, dwell: MovingTargets, channels: &Channels) -> anyhow::Result<()> {
+        if self.dwells.is_empty() {
+            let about = channels.about().enumerate();
+            self.channels = about
+                .map(|channel| channel_record(&dwell, channel))
+                .collect();
+            self.image = dwell.images.images.first().cloned();
+        }
+        self.tracker.scan(&dwell.scan())?;
+        self.side_lobes += dwell.side_lobes;
+        self.cells += dwell.map.cells;
+        self.dwells.push(dwell.targets);
+        Ok(())
+    }
+
+    /// Number of targets of all dwells.
+    pub(super) fn num_targets(&self) -> usize {
+        self.dwells.iter().map(Vec::len).sum()
+    }
+
+    /// Tracks that have been confirmed.
+    pub(super) fn tracks(&self) -> impl Iterator<Item = &Track> {
+        let tracks = self.tracker.tracks().iter();
+        tracks.filter(|track| track.is_confirmed())
+    }
+
+    /// Picture of the first channel's image with the targets of the only dwell, or the last positions of confirmed tracks.
+    pub(super) fn drawn(
+        &self,
+        session: &Session,
+        grid: &ImageGrid,
+        channels: &Channels,
+    ) -> anyhow::Result<Vec<u8>> {
+        let collection = channels.channel(0).collection();
+        let mark = |label: String, position_m: DVec3| Mark {
+            at: grid.coordinates(position_m),
+            label,
+        };
+        let marks: Vec<Mark> = match &self.dwells[..] {
+            [targets] => {
+                let places = targets.iter().zip(1..);
+                places
+                    .filter_map(|(target, i)| Some(mark(format!("{i}"), target.position_m?.into())))
+                    .collect()
+            }
+            _ => {
+                let plane = Plane::of(grid);
+                let last = |track: &Track| {
+                    let mean = track.history.last()?.mean;
+                    let position_m = plane.position_m([mean[0], mean[1]]);
+                    Some(mark(format!("T{}", track.id), position_m))
+                };
+                self.tracks().filter_map(last).collect()
+            }
+        };
+        let title = format!("{}: {}", collection.name, self.counted());
+        let Some(image) = &self.image else {
+            anyhow::bail!("no channel has an image");
+        };
+        let panel = Panel {
+            orientation: Orientation::of(collection, grid),
+            marks,
+            ..Panel::new(image, grid, title)
+        };
+        Ok(plot::quicklook_within(
+            &panel,
+            session.memory.picture_bytes,
+        )?)
+    }
+
+    /// Number of targets, dwells and tracks as text.
+    pub(super) fn counted(&self) -> String {
+        let targets = match self.num_targets() {
+            1 => "1 moving target".to_owned(),
+            count => format!("{count} moving targets"),
+        };
+        match self.dwells.len() {
+            1 => targets,
+            count => format!(
+                "{targets} in {count} dwells, {} tracks",
+                self.tracks().count()
+            ),
+        }
+    }
+}
+
+/// Balance, registration and cancellation of a channel.
+fn channel_record(found: &MovingTargets, (c, about): (usize, &Channel)) -> Value {
+    let mut record = json!({
+        "name": about.name,
+        "lag_s": found.alignment.lags_s()[c],
+        "balance": found.images.balances[c],
+    });
+    if c > 0 {
+        record["registration"] = json!(found.images.models[c - 1]);
+        record["crab_deg"] = json!(found.crab_rad(c).map(f64::to_degrees));
+        record["cancellation"] = json!(found.images.cancellation(c));
+    }
+    record
+}

@@ -1,0 +1,115 @@
+//! Targets and tracks as text.
+
+use subaperture::gmti::Target;
+use subaperture::gmti::tracker::{Status, Track};
+
+use super::found::Found;
+use crate::args::Gmti;
+use crate::text;
+
+/// Print cancellation, targets and tracks.
+pub(super) fn say(typed: &Gmti, found: &Found) -> anyhow::Result<()> {
+    for channel in found.channels.iter().skip(1) {
+        let number = |pointer: &str| channel.pointer(pointer).and_then(|value| value.as_f64());
+        text::say(format!(
+            "channel {}: lag {:+.3} ms, clutter cancelled by {:.1} dB, coherence {:.6}",
+            channel["name"].as_str().unwrap_or_default(),
+            1e3 * number("/lag_s").unwrap_or(f64::NAN),
+            number("/cancellation/ratio_db").unwrap_or(f64::INFINITY),
+            number("/cancellation/coherence").unwrap_or(f64::NAN),
+        ))?;
+    }
+    text::say(format!(
+        "{}: {}, {} side lobes left out, {:.0} cells tested",
+        typed.out.display(),
+        found.counted(),
+        found.side_lobes,
+        found.cells
+    ))?;
+    let targets = || {
+        let dwells = found.dwells.iter();
+        dwells
+            .flatten()
+            .zip(1..)
+            .map(|(target, i)| target_row(i, target))
+    };
+    if found.num_targets() > 0 {
+        let header = [
+            "no.",
+            "t (s)",
+            "x, y (m)",
+            "sigma (m)",
+            "radial velocity (m/s)",
+            "sigma (m/s)",
+            "cross-range velocity (m/s)",
+            "SNR (dB)",
+            "in the image at (m)",
+        ];
+        text::say(text::table(&header, &targets().collect::<Vec<_>>()))?;
+    }
+    let tracks: Vec<Vec<String>> = found.tracks().filter_map(track_row).collect();
+    if !tracks.is_empty() {
+        let header = [
+            "track",
+            "from, to (s)",
+            "updates",
+            "x, y (m)",
+            "velocity x, y (m/s)",
+            "sigma (m/s)",
+            "status",
+        ];
+        text::say(text::table(&header, &tracks))?;
+    }
+    Ok(())
+}
+
+fn target_row(number: usize, target: &Target) -> Vec<String> {
+    let place = match target.position_m {
+        Some([x, y, _]) => format!("{x:.1}, {y:.1}"),
+        None => "outside the plane".to_owned(),
+    };
+    let [image_x, image_y, _] = target.image_position_m;
+    let error = target
+        .covariance_m2
+        .map_or(String::new(), |[[xx, _], [_, yy]]| {
+            format!("{:.2}, {:.2}", xx.sqrt(), yy.sqrt())
+        });
+    let across = target.cross_range.map_or(String::new(), |across| {
+        format!("{:+.2} +- {:.2}", across.velocity_m_s, across.deviation_m_s)
+    });
+    vec![
+        number.to_string(),
+        format!("{:.2}", target.time_s),
+        place,
+        error,
+        format!("{:+.3}", target.radial_velocity_m_s),
+        format!("{:.3}", target.velocity_deviation_m_s),
+        across,
+        format!("{:.1}", target.snr_db),
+        format!("{image_x:.1}, {image_y:.1}"),
+    ]
+}
+
+fn track_row(track: &Track) -> Option<Vec<String>> {
+    let (first, last) = (track.history.first()?, track.history.last()?);
+    let updates = track
+        .history
+        .iter()
+        .filter(|update| update.detection.is_some());
+    let [x, y, vx, vy] = last.mean;
+    let deviation = (last.covariance[2][2] + last.covariance[3][3]).sqrt();
+    let status = match track.status {
+        Status::Tentative => "tentative".to_owned(),
+        Status::Confirmed { .. } => "confirmed".to_owned(),
+        Status::Deleted { time_s } => format!("deleted at {time_s:.2} s"),
+    };
+    Some(vec![
+        format!("T{}", track.id),
+        format!("{:.2}, {:.2}", first.time_s, last.time_s),
+        format!("{} of {}", updates.count(), track.history.len()),
+        format!("{x:.1}, {y:.1}"),
+        format!("{vx:+.2}, {vy:+.2}"),
+        format!("{deviation:.2}"),
+        status,
+    ])
+}

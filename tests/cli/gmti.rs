@@ -1,0 +1,107 @@
+//! `subap gmti`: targets of the example, their file and picture, and refused input.
+
+use std::fs;
+
+use serde_json::Value;
+use subaperture::io::geojson;
+use subaperture_tests::subap::run;
+
+/// Position, metres, and radial velocity, m/s, of the example's movers: velocity across the track times the cosine of the grazing angle.
+const MOVERS: [([f64; 2], f64); 3] = [
+    ([0.0, 0.0], -0.9806),
+    ([-25.0, -40.0], 1.4704),
+    ([20.0, 30.0], 0.4904),
+];
+
+#[test]
+fn gmti_finds_the_targets_of_the_example() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = run(at, "simulate --example gmti").succeeded().to_owned();
+    fs::write(at.join("gmti.toml"), text).unwrap();
+    run(at, "simulate gmti.toml -o gmti.cphd").succeeded();
+    let printed = run(at, "gmti gmti.cphd -o targets.geojson")
+        .succeeded()
+        .to_owned();
+    assert!(printed.contains("3 moving targets"), "{printed}");
+    let record: Value =
+        serde_json::from_slice(&fs::read(at.join("targets.geojson")).unwrap()).unwrap();
+    assert_eq!(record["schema"], "subaperture-moving-targets");
+    let features = record["features"].as_array().unwrap();
+    assert_eq!(features.len(), MOVERS.len());
+    for (place, velocity_m_s) in MOVERS {
+        let properties = features.iter().map(|feature| &feature["properties"]);
+        let distance = |target: &Value| {
+            let got = [0, 1].map(|i| target["position_m"][i].as_f64().unwrap());
+            (got[0] - place[0]).hypot(got[1] - place[1])
+        };
+        let nearest = properties
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .unwrap();
+        let got_m_s = nearest["radial_velocity_m_s"].as_f64().unwrap();
+        let sigma_m_s = nearest["velocity_deviation_m_s"].as_f64().unwrap();
+        println!(
+            "{place:?}: {:.2} m off, {got_m_s:.4} of {velocity_m_s} m/s",
+            distance(nearest)
+        );
+        assert!(distance(nearest) < 3.0, "{nearest}");
+        assert!(
+            (got_m_s - velocity_m_s).abs() < 4.0 * sigma_m_s,
+            "{nearest}"
+        );
+    }
+    // The file is a layer of the viewer; degrees of longitude and latitude near the scene's origin.
+    let layer = geojson::read(&at.join("targets.geojson"), 1 << 20).unwrap();
+    assert_eq!(layer.len(), MOVERS.len());
+    let picture = fs::read(at.join("targets.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
+    // Its own files are replaced, others are not.
+    run(at, "gmti gmti.cphd -o targets.geojson --json").succeeded();
+    fs::write(at.join("mine.geojson"), "{}").unwrap();
+    run(at, "gmti gmti.cphd -o mine.geojson").failed(1, &["mine.geojson"]);
+    let alone = run(at, "gmti gmti.cphd -o other.geojson --channels T1R1");
+    alone.failed(1, &["at least two channels"]);
+    let training = "--guard 0 --training 1 --channels T1R1,T1R2 --grid x=0:0.5:0.5,y=0:0.5:0.5";
+    run(at, &format!("gmti gmti.cphd -o other.geojson {training}"))
+        .failed(1, &["training cells", "larger grid"]);
+    assert!(!at.join("other.geojson").exists());
+}
+
+/// Four dwells: the movers of the example are the confirmed tracks, with their velocities.
+#[test]
+fn gmti_tracks_targets_over_dwells() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = run(at, "simulate --example gmti").succeeded().to_owned();
+    fs::write(at.join("gmti.toml"), text).unwrap();
+    run(
+        at,
+        "simulate gmti.toml -o gmti.cphd --set radar.pulses=2080",
+    )
+    .succeeded();
+    let packet = "--stanag t.4607 --nationality XN --platform UAV7 --exercise operation-simulated";
+    let line = format!("gmti gmti.cphd -o t.geojson --dwell 0.52 {packet}");
+    let printed = run(at, &line).succeeded().to_owned();
+    assert!(printed.contains("in 4 dwells, 3 tracks"), "{printed}");
+    let record: Value = serde_json::from_slice(&fs::read(at.join("t.geojson")).unwrap()).unwrap();
+    let features = record["features"].as_array().unwrap();
+    let tracks = features
+        .iter()
+        .filter(|feature| feature["geometry"]["type"] == "LineString");
+    let mut across_m_s: Vec<f64> = tracks
+        .map(|track| track["properties"]["velocity_m_s"][1].as_f64().unwrap())
+        .collect();
+    across_m_s.sort_by(f64::total_cmp);
+    println!("{across_m_s:?}");
+    for (got, expected) in across_m_s.iter().zip([-1.5, -0.5, 1.0]) {
+        assert!((got - expected).abs() < 0.3, "{across_m_s:?}");
+    }
+    // One packet: its size is that of the file, and its version 30.
+    let packet = fs::read(at.join("t.4607")).unwrap();
+    assert_eq!(&packet[..2], b"30");
+    let size = u32::from_be_bytes(packet[2..6].try_into().unwrap());
+    assert_eq!(size as usize, packet.len());
+    let line = "gmti gmti.cphd -o t.geojson --dwell 0.001";
+    run(at, line).failed(1, &["dwell of three pulses"]);
+    run(at, "gmti gmti.cphd -o t.geojson --stanag t.4607").failed(2, &["--nationality"]);
+}
