@@ -16,9 +16,9 @@
 //! gain_r = sqrt(P_c[r] / P_0[r]),   coherence_r = sum_segments |C_c[r]| / sqrt(P_c[r] P_0[r]),
 //! ```
 //!
-//! over segments of the track, in which a wrong baseline changes the phase little, and their median over the stronger half of the bins is used, so that bright moving targets in a few bins do not determine them. Their effect on
-//! the phase is removed from the images ([`crate::registration`]). Half a pulse of misalignment and noise reduce the coherence. A dead
-//! channel, one of another scene and exchanged channels are refused by name.
+//! over segments of the track, in which a wrong baseline changes the phase little. Their median over the stronger half of the bins is used, so that
+//! bright moving targets in a few bins do not determine it. The effect of targets on the phase is removed from the images ([`crate::registration`]).
+//! Half a pulse of misalignment and noise reduce the coherence. A dead channel, one of another scene and exchanged channels are refused by name.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -32,6 +32,7 @@ use subaperture_model::phase_history::{
     Band, Beam, Channels, Collection, NoBeam, PhaseHistory, Pulse, ReadError,
 };
 
+use crate::adaptive::widen;
 use crate::alignment::Alignment;
 use crate::error::GmtiError;
 use crate::registration::median;
@@ -304,10 +305,6 @@ impl Reader {
         }
         Ok(())
     }
-}
-
-fn widen(z: Complex32) -> Complex64 {
-    Complex64::new(z.re.into(), z.im.into())
 }
 
 /// Read pulses, compensated to `centre_m`.

@@ -102,6 +102,8 @@ pub struct StatisticMap {
     pub spacing: Spacing,
     /// Number of independent cells that were tested.
     pub cells: f64,
+    /// Probability of false alarm of one velocity with which the maximum over velocities has the requested one.
+    pub single_probability: f64,
 }
 
 /// Steering vector of a radial velocity for channels with these lags.
@@ -137,7 +139,7 @@ pub(crate) fn velocities_m_s(lags_s: &[f64], centre_hz: f64) -> Vec<f64> {
 }
 
 /// Differences of the channels of a pixel with the first one.
-fn differences(images: &ChannelImages, pixel: usize, out: &mut [Complex32]) {
+pub(crate) fn differences(images: &ChannelImages, pixel: usize, out: &mut [Complex32]) {
     let first = images.images[0].pixels[pixel];
     for (out, image) in out.iter_mut().zip(&images.images[1..]) {
         *out = image.pixels[pixel] - first;
@@ -155,7 +157,8 @@ pub fn detect(
 ) -> Result<StatisticMap, GmtiError> {
     let (lags_s, size) = (alignment.lags_s(), alignment.lags_s().len() - 1);
     let (rows, columns) = (images.images[0].rows, images.images[0].columns);
-    let [inner, outer] = settings.reach();
+    // A ring never has more cells than the image.
+    let [inner, outer] = settings.reach().map(|cells| cells.min(rows.max(columns)));
     let most = (2 * outer + 1).pow(2) - (2 * inner + 1).pow(2);
     if most < 2 * size {
         return Err(GmtiError::Unsuited(format!(
@@ -208,6 +211,7 @@ pub fn detect(
         spacing,
         cells: bands.iter().map(Vec::len).sum::<usize>() as f64
             / (spacing.rows * spacing.columns) as f64,
+        single_probability: single,
     };
     if map.cells == 0.0 {
         return Err(GmtiError::Unsuited(format!(

@@ -83,6 +83,7 @@ mod tests {
                 columns: 1,
             },
             cells: snr.len() as f64,
+            single_probability: 1e-6,
         }
     }
 

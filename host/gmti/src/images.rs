@@ -17,10 +17,14 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channels, Pulse};
 use subaperture_signal::window::Window;
 
+use crate::adaptive::widen;
 use crate::alignment::Alignment;
 use crate::balance::{self, Balanced, ChannelBalance};
 use crate::error::GmtiError;
 use crate::registration::{self, PhaseModel, View, median};
+
+/// Memory of detection per pixel, bytes: results of bands, statistic, groups.
+const DETECTION_BYTES: u64 = 40;
 
 /// Settings of channel images.
 #[derive(Clone, Copy)]
@@ -69,12 +73,13 @@ impl Imaging<'_> {
     ) -> Result<ChannelImages, GmtiError> {
         let grid = self.grid;
         let band = balance::shared_band(channels)?;
-        let needed_bytes = (channels.len() as u64).saturating_mul(8 * grid.num_pixels());
-        if needed_bytes > self.memory_bytes / 2 {
+        let held_bytes = (channels.len() as u64).saturating_mul(8 * grid.num_pixels());
+        let needed_bytes = held_bytes.saturating_add(DETECTION_BYTES * grid.num_pixels());
+        if needed_bytes > self.memory_bytes {
             return Err(GmtiError::Memory {
                 channels: channels.len(),
                 needed_bytes,
-                allowed_bytes: self.memory_bytes / 2,
+                allowed_bytes: self.memory_bytes,
             });
         }
         let centre_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
@@ -86,7 +91,7 @@ impl Imaging<'_> {
         for (c, weights) in weights.iter().enumerate() {
             let history = Balanced::new(channels.channel(c), &balances[c]);
             let task = Task {
-                memory_bytes: self.memory_bytes - needed_bytes,
+                memory_bytes: self.memory_bytes - held_bytes,
                 monitor: self.monitor,
                 numerics: self.numerics,
                 ..Task::new(&history, grid, weights)
@@ -160,10 +165,8 @@ impl ChannelImages {
                 let (mut cross, mut rest, mut powers) = (Complex64::ZERO, 0.0, [0.0; 2]);
                 for row in first_row..(first_row + BLOCK).min(a.rows) {
                     for column in first_column..(first_column + BLOCK).min(a.columns) {
-                        let values = [a, b].map(|image| {
-                            let z = image.pixels[row * a.columns + column];
-                            Complex64::new(z.re.into(), z.im.into())
-                        });
+                        let at = row * a.columns + column;
+                        let values = [a, b].map(|image| widen(image.pixels[at]));
                         cross += values[1] * values[0].conj();
                         rest += (values[1] - values[0]).norm_sqr();
                         powers = [0, 1].map(|i| powers[i] + values[i].norm_sqr());

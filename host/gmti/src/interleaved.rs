@@ -3,7 +3,7 @@
 use num_complex::{Complex32, Complex64};
 use subaperture_model::image::Image;
 
-use crate::adaptive::Covariance;
+use crate::adaptive::{Covariance, widen};
 
 /// Rows of an interleaved image that are processed with one running sum.
 const BAND_ROWS: usize = 32;
@@ -45,8 +45,7 @@ impl Spacing {
                                 true => i * image.columns + other,
                                 false => other * image.columns + i,
                             };
-                            let z = image.pixels[index];
-                            Complex64::new(z.re.into(), z.im.into())
+                            widen(image.pixels[index])
                         };
                         for i in start..end {
                             let own = at(i).conj();

@@ -20,6 +20,8 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_signal::dense::Factor;
 
+use crate::adaptive::widen;
+
 /// Edge of a block in pixels.
 const BLOCK: usize = 16;
 
@@ -146,10 +148,7 @@ pub fn estimate(
         };
         for row in first_row..last[0] {
             for at in row * columns + first_column..row * columns + last[1] {
-                let [a, b] = [reference, channel].map(|image| {
-                    let z = image.pixels[at];
-                    Complex64::new(z.re.into(), z.im.into())
-                });
+                let [a, b] = [reference, channel].map(|image| widen(image.pixels[at]));
                 sums.cross += b * a.conj();
                 sums.powers[0] += a.norm_sqr();
                 sums.powers[1] += b.norm_sqr();

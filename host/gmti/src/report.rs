@@ -11,6 +11,7 @@ use crate::detection::{self, Settings, StatisticMap};
 use crate::error::GmtiError;
 use crate::images::{ChannelImages, Imaging};
 use crate::motion::Focus;
+use crate::sensitivity::Sensitivity;
 use crate::target::{Estimator, Target};
 use crate::tracker::{Detection, Scan};
 
@@ -87,6 +88,24 @@ impl MovingTargets {
 }
 
 impl MovingTargets {
+    /// Detection performance over radial velocity for a target of a radar cross-section, m^2.
+    ///
+    /// # Errors
+    /// [`GmtiError::Adaptive`] if the image has too few cells, or `settings` too few training cells.
+    pub fn sensitivity(
+        &self,
+        settings: &Settings,
+        cross_section_m2: f64,
+    ) -> Result<Sensitivity, GmtiError> {
+        Sensitivity::of(
+            &self.images,
+            &self.alignment,
+            &self.map,
+            settings,
+            cross_section_m2,
+        )
+    }
+
     /// Targets with a position as a scan of the tracker.
     pub fn scan(&self) -> Scan {
         Scan {

@@ -86,7 +86,7 @@ pub struct Target {
     pub velocity_deviation_m_s: f64,
     /// Interval of radial velocities without ambiguity: other velocities differ by multiples of it, metres per second.
     pub velocity_ambiguity_m_s: f64,
-    /// Cross-range velocity from the target's focus. `None` if it was not estimated.
+    /// Cross-range velocity from the target's focus, for a target without acceleration. `None` if it was not estimated.
     pub cross_range: Option<CrossRange>,
     /// Horizontal velocity in the scene frame, metres per second, from radial and cross-range velocity.
     pub velocity_m_s: Option<[f64; 3]>,
@@ -169,11 +169,11 @@ impl Estimator<'_> {
         (peak, pixels): (usize, &[usize]),
     ) -> Result<Target, GmtiError> {
         let snr = |pixel: usize| f64::from(map.snr[pixel]);
-        let least = snr(peak) * 10f64.powf(-USED_DB / 10.0);
+        let weakest = snr(peak) * 10f64.powf(-USED_DB / 10.0);
         let used: Vec<usize> = pixels
             .iter()
             .copied()
-            .filter(|&pixel| snr(pixel) >= least)
+            .filter(|&pixel| snr(pixel) >= weakest)
             .collect();
         let total: f64 = used.iter().map(|&pixel| snr(pixel)).sum();
         let mean = |of: &dyn Fn(usize) -> usize| {
@@ -194,7 +194,8 @@ impl Estimator<'_> {
             at.dot(along)
         });
         let ends = [f64::INFINITY, f64::NEG_INFINITY];
-        let [least, most] = places.fold(ends, |[low, high], s| [low.min(s), high.max(s)]);
+        let [start_m, end_m] = places.fold(ends, |[low, high], s| [low.min(s), high.max(s)]);
+        let extent_m = end_m - start_m;
         let (velocity, deviation, ambiguity) = self.velocity(map, peak, &used)?;
         let image_m = self.place_m(row, column);
         let sight = (image_m - self.images.view.antenna_m()).normalize_or_zero();
@@ -215,8 +216,7 @@ impl Estimator<'_> {
                 place(velocity, path_m + path_error_m)?,
             ];
             let [velocity_m, path_m] = ends.map(|end| end - position);
-            let image_m =
-                along * (EXTENT_DEVIATION * (most - least + self.azimuth_cell_m(image_m)));
+            let image_m = along * (EXTENT_DEVIATION * (extent_m + self.azimuth_cell_m(image_m)));
             let errors = [velocity_m, path_m, image_m]
                 .map(|moved| [moved.dot(self.grid.x_axis), moved.dot(self.grid.y_axis)]);
             let sum = |i: usize, j: usize| errors.iter().map(|e| e[i] * e[j]).sum();
@@ -237,7 +237,7 @@ impl Estimator<'_> {
             velocity_m_s: None,
             ground_speed_m_s: velocity / level,
             snr_db: 10.0 * snr(peak).log10(),
-            extent_m: most - least,
+            extent_m,
             num_pixels: pixels.len(),
         })
     }

@@ -237,7 +237,25 @@ fn two_channels_cancel_clutter_to_the_noise() {
     );
     assert_eq!(found.targets.len(), 1, "{:#?}", found.targets);
     assert_found(&found, [0.0, 0.0], 1.0);
-    // The issue of phase: a baseline of 0.25 m of the phase centres at 125 m/s.
+    // SINR by the noise of two channels, and the velocity at which a fluctuating target is detected in half of all cases: with many training cells
+    // `Pd = Pfa^(1 / (1 + SINR))`.
+    let sensitivity = found.sensitivity(&Settings::default(), 1e-3).unwrap();
+    let sinr = |velocity_m_s: f64| {
+        let phase_rad = 4.0 * std::f64::consts::PI * velocity_m_s * 0.002 / 0.029979;
+        1e-3 * 4.0 * (phase_rad / 2.0).sin().powi(2) / (2.0 * noise)
+    };
+    for at in &sensitivity.curve[8..] {
+        let expected_db = 10.0 * sinr(at.velocity_m_s).log10();
+        assert!(
+            (at.sinr_db - expected_db).abs() < 0.5,
+            "{at:?} {expected_db}"
+        );
+    }
+    let mdv_m_s = sensitivity.mdv_m_s.unwrap();
+    let detection = 1e-6f64.powf(1.0 / (1.0 + sinr(mdv_m_s)));
+    println!("MDV {mdv_m_s:.4} m/s, probability of detection {detection:.3}");
+    assert!((detection - 0.5).abs() < 0.05, "{mdv_m_s} {detection}");
+    // A baseline of 0.25 m of the phase centres at 125 m/s.
     assert!((found.alignment.lags_s()[1] - 0.002).abs() < 1e-9);
     assert!((found.targets[0].velocity_ambiguity_m_s - 7.495).abs() < 0.001);
 }

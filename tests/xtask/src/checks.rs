@@ -42,7 +42,7 @@ const CORE: [(&str, &str); 8] = [
 
 /// The library with sets of features in which each feature occurs without every other one that it does not bring. The command enables all
 /// and never builds these.
-const LIBRARY: [&str; 12] = [
+const LIBRARY: [&str; 13] = [
     "",
     "gotcha,npz,link,motion,navigation",
     "simulate,planner,motion,radio,terrain",
@@ -55,6 +55,7 @@ const LIBRARY: [&str; 12] = [
     "uhd",
     "viewer",
     "gpu",
+    "gmti",
 ];
 
 /// Features that need UHD.

@@ -144,7 +144,7 @@ pub(super) fn triangle(size: usize) -> usize {
 }
 
 /// Complex number in float64.
-pub(super) fn widen<T: Into<f64>>(value: Complex<T>) -> Complex64 {
+pub(crate) fn widen<T: Into<f64>>(value: Complex<T>) -> Complex64 {
     Complex64::new(value.re.into(), value.im.into())
 }
 

@@ -36,6 +36,7 @@ mod loss;
 mod performance;
 mod whitener;
 
+pub(crate) use covariance::widen;
 pub use covariance::{Covariance, Loading};
 pub use detector::{Detector, Peak, Statistic};
 pub use error::AdaptiveError;

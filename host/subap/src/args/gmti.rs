@@ -75,6 +75,10 @@ pub(crate) struct Gmti {
     #[arg(long, value_name = "P", default_value_t = 1e-6, value_parser = probability)]
     pub(crate) false_alarms: f64,
 
+    /// Radar cross-section, m^2, of the target whose minimum detectable velocity is stated
+    #[arg(long, value_name = "M2", default_value_t = 10.0, value_parser = above_zero(Dimension::CrossSection))]
+    pub(crate) cross_section: f64,
+
     /// Cells on each side of a tested cell that are not used to estimate the clutter
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) guard: usize,

@@ -75,7 +75,10 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         if let Some(packet) = &mut packet {
             packet.add(&dwell, &grid, &collection.frame)?;
         }
-        found.add(dwell, &channels)?;
+        if found.sensitivity.is_none() {
+            found.sensitivity = Some(dwell.sensitivity(&settings, typed.cross_section)?);
+        }
+        found.add(dwell, &channels, typed.dwell.is_some());
         interrupt::check()?;
         Ok(())
     };
@@ -89,6 +92,7 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
     let mut record = geojson::collection(&found.dwells, tracks, &collection.frame);
     record["run"] = record_of_run(session, start.elapsed());
     record["channels"] = json!(found.channels);
+    record["sensitivity"] = json!(found.sensitivity);
     record["settings"] = json!(settings);
     record["warnings"] = json!(messages::warnings());
     let mut files = FileSet::new();

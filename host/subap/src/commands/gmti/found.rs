@@ -4,12 +4,13 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::gmti::tracker::{self, Plane, Track, Tracker};
-use subaperture::gmti::{MovingTargets, Target};
+use subaperture::gmti::{MovingTargets, Sensitivity, Target};
 use subaperture::image::Image;
 use subaperture::phase_history::{Channel, Channels};
 use subaperture::plot::{self, Mark, Orientation, Panel};
 
 use crate::config::Session;
+use crate::messages;
 
 /// Targets and tracks of all dwells.
 pub(super) struct Found {
@@ -19,6 +20,8 @@ pub(super) struct Found {
     pub(super) channels: Vec<Value>,
     /// Image of the first channel in the first dwell.
     image: Option<Image>,
+    /// Detection performance in the first dwell.
+    pub(super) sensitivity: Option<Sensitivity>,
     pub(super) side_lobes: usize,
     pub(super) cells: f64,
 }
@@ -33,12 +36,14 @@ impl Found {
             })?,
             channels: Vec::new(),
             image: None,
+            sensitivity: None,
             side_lobes: 0,
             cells: 0.0,
         })
     }
 
-    pub(super) fn add(&mut self, dwell: MovingTargets, channels: &Channels) -> anyhow::Result<()> {
+    /// Add the targets of a dwell, and with `follow` continue the tracks.
+    pub(super) fn add(&mut self, dwell: MovingTargets, channels: &Channels, follow: bool) {
         if self.dwells.is_empty() {
             let about = channels.about().enumerate();
             self.channels = about
@@ -46,11 +51,16 @@ impl Found {
                 .collect();
             self.image = dwell.images.images.first().cloned();
         }
-        self.tracker.scan(&dwell.scan())?;
+        // The targets remain where tracking fails.
+        if follow && let Err(error) = self.tracker.scan(&dwell.scan()) {
+            messages::warning(format!(
+                "dwell {}: targets not tracked: {error}",
+                self.dwells.len() + 1
+            ));
+        }
         self.side_lobes += dwell.side_lobes;
         self.cells += dwell.map.cells;
         self.dwells.push(dwell.targets);
-        Ok(())
     }
 
     /// Number of targets of all dwells.

@@ -26,6 +26,16 @@ pub(super) fn say(typed: &Gmti, found: &Found) -> anyhow::Result<()> {
         found.side_lobes,
         found.cells
     ))?;
+    if let Some(sensitivity) = &found.sensitivity {
+        let mdv = match sensitivity.mdv_m_s {
+            Some(mdv_m_s) => format!("{mdv_m_s:.3} m/s"),
+            None => "none".to_owned(),
+        };
+        text::say(format!(
+            "minimum detectable velocity of a target of {} m^2 (Swerling 1, Pd 0.5): {mdv}",
+            sensitivity.cross_section_m2
+        ))?;
+    }
     let targets = || {
         let dwells = found.dwells.iter();
         dwells
