@@ -101,7 +101,11 @@ pub fn balance(
             return Err(GmtiError::Dead { channel });
         }
         let own = stated.balance(&band);
-        let exchanged = cross(true)?.balance(&band).coherence;
+        // A coherence is at most 1.
+        let exchanged = match EXCHANGED * own.coherence >= 1.0 {
+            true => 0.0,
+            false => cross(true)?.balance(&band).coherence,
+        };
         let (channel, reference) = (names[c].to_owned(), names[0].to_owned());
         if exchanged > EXCHANGED * own.coherence && exchanged > MIN_COHERENCE {
             return Err(GmtiError::Exchanged {
@@ -329,15 +333,26 @@ fn read_at(
 /// Multiply the samples of a pulse by `exp(+j 2 pi f path / c)`, the path to `centre_m` relative to the reference path.
 fn compensate(pulse: &Pulse, centre_m: DVec3, line: &mut [Complex32]) {
     let cycles_a_hz = pulse.relative_path_m(centre_m) / SPEED_OF_LIGHT_M_S;
-    rotate(line, |k| pulse.frequency_hz(k) * cycles_a_hz, 1.0);
+    rotate(
+        line,
+        [pulse.start_hz, pulse.step_hz].map(|hz| hz * cycles_a_hz),
+        1.0,
+    );
 }
 
-/// Multiply sample `k` by `scale exp(+j 2 pi cycles(k))`, `cycles` linear in `k`.
-fn rotate(line: &mut [Complex32], cycles: impl Fn(usize) -> f64, scale: f64) {
-    for (k, z) in line.iter_mut().enumerate() {
-        let turns = cycles(k);
-        let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
-        *z *= Complex32::new((scale * cos) as f32, (scale * sin) as f32);
+/// Samples between two sines of the recurrence in [`rotate`]: its error grows by one rounding of float64 a sample.
+const RECURRENCE: usize = 64;
+
+/// Multiply sample `k` by `scale exp(+j 2 pi (start + k step))`, start and step in cycles.
+fn rotate(line: &mut [Complex32], [start, step]: [f64; 2], scale: f64) {
+    let phasor = |cycles: f64| Complex64::cis(TAU * (cycles - cycles.round()));
+    let turn = phasor(step);
+    for (i, part) in line.chunks_mut(RECURRENCE).enumerate() {
+        let mut factor = phasor(start + (i * RECURRENCE) as f64 * step) * scale;
+        for z in part {
+            *z *= Complex32::new(factor.re as f32, factor.im as f32);
+            factor *= turn;
+        }
     }
 }
 
@@ -354,9 +369,9 @@ impl<'a> Balanced<'a> {
         let mut rotation = vec![Complex32::ONE; collection.num_samples];
         let middle = (rotation.len() / 2) as f64;
         let step_hz = collection.pulses.first().map_or(0.0, |pulse| pulse.step_hz);
-        let cycles =
-            |k: usize| (k as f64 - middle) * step_hz * balance.delay_s - balance.phase_rad / TAU;
-        rotate(&mut rotation, cycles, 1.0 / balance.gain);
+        let step = step_hz * balance.delay_s;
+        let start = -middle * step - balance.phase_rad / TAU;
+        rotate(&mut rotation, [start, step], 1.0 / balance.gain);
         Self { history, rotation }
     }
 }

@@ -32,7 +32,7 @@
 //!
 //! Blind velocities are those with `s(v) = 1`: 0, and with two channels the multiples of the ambiguity interval.
 //!
-//! **Cost** per pixel: six sums of `N^2` products, a factorisation, and `M` products of `N` elements for `M` velocities.
+//! **Cost** per pixel: six sums of `N^2` products and a factorisation; `M` products of `N` elements for `M` velocities where its energy exceeds the threshold.
 
 use std::sync::OnceLock;
 
@@ -94,7 +94,8 @@ pub struct StatisticMap {
     pub rows: usize,
     /// Number of columns of the image.
     pub columns: usize,
-    /// Estimated ratio of signal to clutter and noise after cancellation, row-major; 0 for pixels that were not tested.
+    /// Estimated ratio of signal to clutter and noise after cancellation, row-major; 0 for pixels that were not tested, and for those whose energy is below
+    /// the threshold.
     pub snr: Vec<f32>,
     /// Whether a pixel exceeds its threshold.
     pub detected: Vec<bool>,
@@ -194,9 +195,14 @@ pub fn detect(
             let snapshots = ring.snapshots();
             if snapshots >= 2 * size && detector.train(ring, Loading::Off).is_ok() {
                 differences(images, pixel, &mut cell);
-                let amf = detector.evaluate(Statistic::Amf, &cell).value;
+                let threshold = threshold(snapshots);
+                // Most cells are below the threshold for any steering vector.
+                let amf = match detector.energy(&cell) > threshold {
+                    true => detector.evaluate(Statistic::Amf, &cell).value,
+                    false => 0.0,
+                };
                 let snr = (amf * snapshots as f64) as f32;
-                tested.push((pixel, snr, amf > threshold(snapshots)));
+                tested.push((pixel, snr, amf > threshold));
             }
         });
         tested

@@ -41,7 +41,7 @@ pub struct Peak {
 
 /// Evaluator of cells for a grid of `M` steering vectors, for example one per radial velocity.
 ///
-/// **Cost**: [`Detector::train`] takes `N^3 / 6 + M N^2 / 2` complex products, a cell `N^2 / 2 + M N`. Neither allocates. Threads use clones.
+/// **Cost**: [`Detector::train`] takes `N^3 / 6` complex products, the first cell evaluated after it `M N^2 / 2`, each cell `N^2 / 2 + M N`, and an energy `N^2 / 2`. They do not allocate. Threads use clones.
 #[derive(Clone, Debug)]
 pub struct Detector {
     whitener: Whitener,
@@ -49,6 +49,8 @@ pub struct Detector {
     steering: Vec<Complex64>,
     /// Whitened steering vectors of norm 1.
     normalised: Vec<Complex64>,
+    /// Whether the covariance has changed since the steering vectors were whitened.
+    normalised_is_old: bool,
     /// Whitened cell under test.
     cell: Vec<Complex64>,
 }
@@ -76,6 +78,7 @@ impl Detector {
             whitener,
             steering: steering.to_vec(),
             normalised: steering.to_vec(),
+            normalised_is_old: true,
             cell: vec![Complex64::ZERO; size],
         };
         detector.normalise();
@@ -96,14 +99,25 @@ impl Detector {
     ) -> Result<(), AdaptiveError> {
         assert_eq!(covariance.degrees_of_freedom(), self.whitener.size());
         let trained = covariance.factor_into(loading, &mut self.whitener);
-        match trained {
-            Ok(()) => self.normalise(),
-            Err(_) => self.normalised.fill(Complex64::new(f64::NAN, f64::NAN)),
+        // The steering vectors are whitened when a cell is evaluated.
+        self.normalised_is_old = trained.is_ok();
+        if trained.is_err() {
+            self.normalised.fill(Complex64::new(f64::NAN, f64::NAN));
         }
         trained
     }
 
+    /// Energy `x^H S^-1 x` of a cell of `N` elements, at least its AMF for any steering vector. No allocation.
+    ///
+    /// # Panics
+    /// If the cell does not have `N` elements.
+    pub fn energy<T: Copy + Into<f64>>(&mut self, cell: &[Complex<T>]) -> f64 {
+        self.whitener.whiten(cell, &mut self.cell);
+        power(&self.cell)
+    }
+
     fn normalise(&mut self) {
+        self.normalised_is_old = false;
         let size = self.whitener.size();
         let vectors = self.steering.chunks_exact(size);
         for (vector, normalised) in vectors.zip(self.normalised.chunks_exact_mut(size)) {
@@ -122,6 +136,9 @@ impl Detector {
         statistic: Statistic,
         cell: &[Complex<T>],
     ) -> Peak {
+        if self.normalised_is_old {
+            self.normalise();
+        }
         self.whitener.whiten(cell, &mut self.cell);
         let mut matched = f64::NEG_INFINITY;
         let mut index = 0;
