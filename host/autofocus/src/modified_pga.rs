@@ -251,5 +251,5 @@ fn track(
 /// Midpoint of the antennas of every pulse.
 pub(crate) fn middles(collection: &Collection) -> impl Iterator<Item = DVec3> {
     let pulses = collection.pulses.iter();
-    pulses.map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
+    pulses.map(|pulse| pulse.phase_centre_m())
 }

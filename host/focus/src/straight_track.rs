@@ -39,7 +39,7 @@ impl StraightTrack {
     /// [`FormError::Unsuited`] if the pulses do not move.
     pub fn fit(collection: &Collection) -> Result<Self, FormError> {
         let num_pulses = collection.pulses.len();
-        let middle = |pulse: &Pulse| (pulse.transmitter_m + pulse.receiver_m) / 2.0;
+        let middle = |pulse: &Pulse| pulse.phase_centre_m();
         let centre_m = collection.pulses.iter().map(middle).sum::<DVec3>() / num_pulses as f64;
         let (mut slope, mut square) = (DVec3::ZERO, 0.0);
         for (n, pulse) in collection.pulses.iter().enumerate() {
@@ -73,7 +73,7 @@ impl StraightTrack {
     pub fn check(&self, collection: &Collection) -> Result<(), FormError> {
         let (mut along, mut across) = (0.0, 0.0);
         for pulse in &collection.pulses {
-            let middle_m = (pulse.transmitter_m + pulse.receiver_m) / 2.0;
+            let middle_m = pulse.phase_centre_m();
             let (along_m, across_m) = self.along_and_range_m(middle_m);
             along += along_m * along_m;
             across += across_m * across_m;
@@ -104,7 +104,7 @@ impl StraightTrack {
 
     /// Along-track position of a pulse's phase centre from the aperture centre, metres.
     pub fn place_m(&self, pulse: &Pulse) -> f64 {
-        ((pulse.transmitter_m + pulse.receiver_m) / 2.0 - self.centre_m).dot(self.direction)
+        (pulse.phase_centre_m() - self.centre_m).dot(self.direction)
     }
 }
 

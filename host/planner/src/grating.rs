@@ -299,7 +299,7 @@ struct Array {
 impl Array {
     fn new(collection: &Collection, sub_cpi: usize, scatterer: DVec3) -> Option<Self> {
         let pulses = &collection.pulses;
-        let centre = |pulse: &Pulse| pulse.transmitter_m.midpoint(pulse.receiver_m);
+        let centre = |pulse: &Pulse| pulse.phase_centre_m();
         let antenna_m = centre(&pulses[pulses.len() / 2]);
         let last = pulses.len() - 1;
         let step_m = (centre(&pulses[last]) - centre(&pulses[0])) / last.max(1) as f64;

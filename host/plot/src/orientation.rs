@@ -32,7 +32,7 @@ impl Orientation {
         let middle = centre(grid);
         let pulse = collection.pulses.get(collection.pulses.len() / 2);
         let look = pulse.and_then(|pulse| {
-            let antenna = pulse.transmitter_m.midpoint(pulse.receiver_m);
+            let antenna = pulse.phase_centre_m();
             (middle - antenna).try_normalize()
         });
         Self {

@@ -97,7 +97,7 @@ fn patch(collection: &Collection, survey: &Survey) -> Result<(Extent, Option<f64
     }
     let centre_m = |n: usize| {
         let pulse = &collection.pulses[n];
-        pulse.transmitter_m.midpoint(pulse.receiver_m)
+        pulse.phase_centre_m()
     };
     let count = collection.pulses.len();
     let scene_m = DVec3::from_array(survey.scene_centre_m);

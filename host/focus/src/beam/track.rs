@@ -44,7 +44,7 @@ impl<'a> Track<'a> {
         let places_m: Vec<DVec3> = collection
             .pulses
             .iter()
-            .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
+            .map(|pulse| pulse.phase_centre_m())
             .collect();
         let target_m_s = beam.target_m_s.map(DVec3::from_array).unwrap_or_default();
         let first_s = collection.pulses.first().map_or(0.0, |pulse| pulse.time_s);

@@ -173,10 +173,7 @@ impl Antennas {
             let vector = vector.map(|vector| &vector[i]);
             pair[i].at(frame, pulses[n].time_s, vector, centre_hz)
         };
-        let middles_m: Vec<DVec3> = pulses
-            .iter()
-            .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
-            .collect();
+        let middles_m: Vec<DVec3> = pulses.iter().map(|pulse| pulse.phase_centre_m()).collect();
         let headings = headings(&middles_m);
         if headings.contains(&DVec3::ZERO) {
             return Err(NoBeam::AtRest);

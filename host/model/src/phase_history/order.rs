@@ -11,7 +11,7 @@ const MIN_SWEPT: f64 = 1e-12;
 
 /// Vector from the reference point of a pulse to the middle of its antennas.
 fn arm(pulse: &Pulse) -> DVec3 {
-    (pulse.transmitter_m + pulse.receiver_m) / 2.0 - pulse.reference_m
+    pulse.phase_centre_m() - pulse.reference_m
 }
 
 /// Normal of the plane in which the antennas of `runs` move around their reference points, oriented so that most of
@@ -78,7 +78,7 @@ const MAX_DISORDER: f64 = 4.0;
 /// Whether the antennas move along one track in pulse order: no jumps except straight ahead (dropped pulses), and no
 /// disorder.
 pub(crate) fn is_one_pass(pulses: &[Pulse]) -> bool {
-    let centre = |pulse: &Pulse| pulse.transmitter_m.midpoint(pulse.receiver_m);
+    let centre = |pulse: &Pulse| pulse.phase_centre_m();
     let steps: Vec<DVec3> = (pulses.windows(2))
         .map(|pair| centre(&pair[1]) - centre(&pair[0]))
         .collect();

@@ -28,6 +28,12 @@ pub struct Pulse {
 }
 
 impl Pulse {
+    /// Phase centre of the pair of antennas: the middle between transmitter and receiver, metres.
+    #[inline]
+    pub fn phase_centre_m(&self) -> DVec3 {
+        self.transmitter_m.midpoint(self.receiver_m)
+    }
+
     /// Two-way path from transmitter to `point` to receiver at the time of sample `K/2`, metres.
     #[inline]
     pub fn path_m(&self, point: DVec3) -> f64 {

@@ -250,7 +250,7 @@ fn file(collection: &Collection, correction: &Correction) -> String {
             let pulses = collection.pulses.iter().take(collection.num_turns());
             let fixes = pulses.zip(displacement_m).map(|(pulse, moved_m)| Fix {
                 time_s: pulse.time_s,
-                position_m: 0.5 * (pulse.transmitter_m + pulse.receiver_m) + *moved_m,
+                position_m: pulse.phase_centre_m() + *moved_m,
                 attitude: None,
             });
             track_csv::text(&fixes.collect::<Vec<_>>())

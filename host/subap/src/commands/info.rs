@@ -204,7 +204,7 @@ fn offsets_m(path: &Path, memory_bytes: u64) -> Result<Vec<DVec3>, ReadError> {
     let middle = channels.num_pulses() / 2;
     let phase_centre_m = |history: &dyn PhaseHistory| {
         let pulse = &history.collection().pulses[middle];
-        (pulse.transmitter_m + pulse.receiver_m) / 2.0
+        pulse.phase_centre_m()
     };
     let first_m = phase_centre_m(channels.channel(0));
     let all = channels.iter().map(|(_, history)| phase_centre_m(history));

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-use super::{median, phase_centre, positive};
+use super::{median, positive};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, Pulse};
 use crate::resolution::support::path_gradient;
@@ -28,7 +28,7 @@ pub(super) struct Aperture {
 
 impl Aperture {
     pub(super) fn of(pulses: &[Pulse], centre_m: DVec3) -> Self {
-        let places: Vec<DVec3> = pulses.iter().map(phase_centre).collect();
+        let places: Vec<DVec3> = pulses.iter().map(Pulse::phase_centre_m).collect();
         let seen = |place: &DVec3| (*place - centre_m).normalize_or_zero();
         let directions: Vec<DVec3> = places.iter().map(seen).collect();
         let mut azimuths: Vec<(f64, DVec3)> = places

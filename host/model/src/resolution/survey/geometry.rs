@@ -1,12 +1,6 @@
-//! Medians, phase centres and angles.
+//! Medians and angles.
 
 use glam::DVec3;
-
-use crate::phase_history::Pulse;
-
-pub(super) fn phase_centre(pulse: &Pulse) -> DVec3 {
-    pulse.transmitter_m.midpoint(pulse.receiver_m)
-}
 
 pub(super) fn positive(value: f64) -> Option<f64> {
     (value.is_finite() && value > 0.0).then_some(value)

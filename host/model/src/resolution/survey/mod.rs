@@ -16,7 +16,7 @@
 mod aperture;
 pub mod default_grid;
 mod geometry;
-use geometry::{angle_between, median, phase_centre, positive};
+use geometry::{angle_between, median, positive};
 
 use glam::DVec3;
 use serde::Serialize;
@@ -184,7 +184,7 @@ fn pulse_spacing_m(pulses: &[Pulse]) -> Option<f64> {
     median(
         pulses
             .windows(2)
-            .map(|w| phase_centre(&w[0]).distance(phase_centre(&w[1]))),
+            .map(|w| w[0].phase_centre_m().distance(w[1].phase_centre_m())),
     )
 }
 
@@ -207,7 +207,7 @@ impl Survey {
         let bandwidth_hz = num_samples as f64 * first.step_hz;
 
         let slant_range_m = middle.path_m(centre) / 2.0;
-        let line_of_sight = (centre - phase_centre(middle)).normalize_or_zero();
+        let line_of_sight = (centre - middle.phase_centre_m()).normalize_or_zero();
         // Path gradient along the bisector, 2 for a monostatic radar.
         let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre);
         let [range, cross] = support.range_and_cross([DVec3::X, DVec3::Y]);
@@ -308,7 +308,7 @@ const AT_ANTENNAS: f64 = 0.25;
 fn is_at_antennas(pulses: &[Pulse], centre_m: DVec3, chord_m: f64) -> bool {
     let distances = pulses
         .iter()
-        .map(|pulse| phase_centre(pulse).distance(centre_m));
+        .map(|pulse| pulse.phase_centre_m().distance(centre_m));
     distances.fold(f64::INFINITY, f64::min) < AT_ANTENNAS * chord_m
 }
 
@@ -316,8 +316,8 @@ fn is_at_antennas(pulses: &[Pulse], centre_m: DVec3, chord_m: f64) -> bool {
 fn velocity_direction(pulses: &[Pulse]) -> Option<DVec3> {
     let middle = pulses.len() / 2;
     let reach = (pulses.len() / 32).max(1);
-    let from = phase_centre(&pulses[middle.saturating_sub(reach)]);
-    let to = phase_centre(&pulses[(middle + reach).min(pulses.len() - 1)]);
+    let from = pulses[middle.saturating_sub(reach)].phase_centre_m();
+    let to = pulses[(middle + reach).min(pulses.len() - 1)].phase_centre_m();
     (to.distance(from) > 1e-9 * from.length().max(1.0)).then(|| (to - from).normalize())
 }
 

@@ -384,7 +384,7 @@ fn recorded_m(channels: &Channels) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; channels.num_pulses()];
     for (_, history) in channels.iter() {
         for (sum, pulse) in sums.iter_mut().zip(&history.collection().pulses) {
-            *sum += 0.5 * (pulse.transmitter_m + pulse.receiver_m);
+            *sum += pulse.phase_centre_m();
         }
     }
     let share = 1.0 / channels.len() as f64;
