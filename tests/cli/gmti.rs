@@ -1,6 +1,7 @@
 //! `subap gmti`: targets of the example, their file and picture, and refused input.
 
 use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 use subaperture::io::geojson;
@@ -13,13 +14,21 @@ const MOVERS: [([f64; 2], f64); 3] = [
     ([20.0, 30.0], 0.4904),
 ];
 
+/// Write the recording `gmti.cphd` of the example with these settings.
+fn simulate(folder: &Path, settings: &str) {
+    let text = run(folder, "simulate --example gmti")
+        .succeeded()
+        .to_owned();
+    fs::write(folder.join("gmti.toml"), text).unwrap();
+    let line = format!("simulate gmti.toml -o gmti.cphd {settings}");
+    run(folder, line.trim_end()).succeeded();
+}
+
 #[test]
 fn gmti_finds_the_targets_of_the_example() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let text = run(at, "simulate --example gmti").succeeded().to_owned();
-    fs::write(at.join("gmti.toml"), text).unwrap();
-    run(at, "simulate gmti.toml -o gmti.cphd").succeeded();
+    simulate(at, "");
     let printed = run(at, "gmti gmti.cphd -o targets.geojson")
         .succeeded()
         .to_owned();
@@ -72,13 +81,7 @@ fn gmti_finds_the_targets_of_the_example() {
 fn gmti_tracks_targets_over_dwells() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let text = run(at, "simulate --example gmti").succeeded().to_owned();
-    fs::write(at.join("gmti.toml"), text).unwrap();
-    run(
-        at,
-        "simulate gmti.toml -o gmti.cphd --set radar.pulses=2080",
-    )
-    .succeeded();
+    simulate(at, "--set radar.pulses=2080");
     let packet = "--stanag t.4607 --nationality XN --platform UAV7 --exercise operation-simulated";
     let line = format!("gmti gmti.cphd -o t.geojson --dwell 0.52 {packet}");
     let printed = run(at, &line).succeeded().to_owned();

@@ -16,7 +16,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use subaperture_model::phase_history::{Collection, Pulse, Weights};
+use subaperture_model::phase_history::{Collection, Weights};
 use subaperture_signal::window::Window;
 
 use crate::error::GmtiError;
@@ -34,10 +34,6 @@ pub struct Alignment {
     times_s: Arc<[f64]>,
     section_m: [f64; 2],
     lags_s: Vec<f64>,
-}
-
-fn phase_centre(pulse: &Pulse) -> DVec3 {
-    (pulse.transmitter_m + pulse.receiver_m) / 2.0
 }
 
 impl Alignment {
@@ -65,7 +61,7 @@ impl Alignment {
         let mean = |n: usize| {
             let centres = channels
                 .iter()
-                .map(|channel| phase_centre(&channel.pulses[n]));
+                .map(|channel| channel.pulses[n].phase_centre_m());
             centres.sum::<DVec3>() * scale
         };
         let track_m: Vec<DVec3> = (0..count).map(mean).collect();
@@ -81,7 +77,7 @@ impl Alignment {
                 length_m += track_m[n].distance(track_m[n - 1]);
             }
             for (along_m, channel) in along_m.iter_mut().zip(channels) {
-                let offset_m = phase_centre(&channel.pulses[n]) - track_m[n];
+                let offset_m = channel.pulses[n].phase_centre_m() - track_m[n];
                 along_m.push(length_m + offset_m.dot(direction));
             }
         }

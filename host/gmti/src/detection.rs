@@ -77,12 +77,16 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Smallest and largest distance of training cells.
-    pub(crate) fn reach(&self) -> [usize; 2] {
-        [
-            self.guard_cells,
-            self.guard_cells.saturating_add(self.training_cells),
-        ]
+    /// Largest distance of guard cells and of training cells in an image of this size: a ring never has more cells than the image.
+    pub(crate) fn reach(&self, size: [usize; 2]) -> [usize; 2] {
+        let outer = self.guard_cells.saturating_add(self.training_cells);
+        [self.guard_cells, outer].map(|cells| cells.min(size[0].max(size[1])))
+    }
+
+    /// Largest number of training cells in an image of this size.
+    pub(crate) fn most_snapshots(&self, size: [usize; 2]) -> usize {
+        let [inner, outer] = self.reach(size).map(|cells| (2 * cells + 1).pow(2));
+        outer - inner
     }
 }
 
@@ -158,9 +162,7 @@ pub fn detect(
 ) -> Result<StatisticMap, GmtiError> {
     let (lags_s, size) = (alignment.lags_s(), alignment.lags_s().len() - 1);
     let (rows, columns) = (images.images[0].rows, images.images[0].columns);
-    // A ring never has more cells than the image.
-    let [inner, outer] = settings.reach().map(|cells| cells.min(rows.max(columns)));
-    let most = (2 * outer + 1).pow(2) - (2 * inner + 1).pow(2);
+    let most = settings.most_snapshots([rows, columns]);
     if most < 2 * size {
         return Err(GmtiError::Unsuited(format!(
             "expected at least {} training cells for {} channels, found {most}",
@@ -191,20 +193,26 @@ pub fn detect(
         let mut cell = vec![Complex32::ZERO; size];
         let mut tested = Vec::new();
         let vector = |pixel: usize, out: &mut [Complex32]| differences(images, pixel, out);
-        interleaved.for_each_ring(&band, [inner, outer], size, vector, |pixel, ring| {
-            let snapshots = ring.snapshots();
-            if snapshots >= 2 * size && detector.train(ring, Loading::Off).is_ok() {
-                differences(images, pixel, &mut cell);
-                let threshold = threshold(snapshots);
-                // Most cells are below the threshold for any steering vector.
-                let amf = match detector.energy(&cell) > threshold {
-                    true => detector.evaluate(Statistic::Amf, &cell).value,
-                    false => 0.0,
-                };
-                let snr = (amf * snapshots as f64) as f32;
-                tested.push((pixel, snr, amf > threshold));
-            }
-        });
+        interleaved.for_each_ring(
+            &band,
+            settings.reach([rows, columns]),
+            size,
+            vector,
+            |pixel, ring| {
+                let snapshots = ring.snapshots();
+                if snapshots >= 2 * size && detector.train(ring, Loading::Off).is_ok() {
+                    differences(images, pixel, &mut cell);
+                    let threshold = threshold(snapshots);
+                    // Most cells are below the threshold for any steering vector.
+                    let amf = match detector.energy(&cell) > threshold {
+                        true => detector.evaluate(Statistic::Amf, &cell).value,
+                        false => 0.0,
+                    };
+                    let snr = (amf * snapshots as f64) as f32;
+                    tested.push((pixel, snr, amf > threshold));
+                }
+            },
+        );
         tested
     };
     let bands: Vec<Vec<(usize, f32, bool)>> =
@@ -331,11 +339,12 @@ pub(crate) fn train(
     settings: &Settings,
     pixel: usize,
 ) -> Covariance {
-    let size = images.images.len();
-    let interleaved = Interleaved::new([images.images[0].rows, images.images[0].columns], spacing);
-    let mut covariance = Covariance::new(size);
-    let mut cell = vec![Complex32::ZERO; size];
-    for training in interleaved.ring(pixel, settings.reach()) {
+    let degrees = images.images.len();
+    let size = [images.images[0].rows, images.images[0].columns];
+    let interleaved = Interleaved::new(size, spacing);
+    let mut covariance = Covariance::new(degrees);
+    let mut cell = vec![Complex32::ZERO; degrees];
+    for training in interleaved.ring(pixel, settings.reach(size)) {
         channels(images, training, &mut cell);
         covariance.add(&cell);
     }
@@ -345,6 +354,17 @@ pub(crate) fn train(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn training_ring_is_limited_by_the_image() {
+        let settings = Settings {
+            training_cells: usize::MAX,
+            ..Settings::default()
+        };
+        assert_eq!(settings.reach([30, 200]), [10, 200]);
+        assert_eq!(settings.most_snapshots([30, 200]), 401 * 401 - 21 * 21);
+        assert_eq!(Settings::default().most_snapshots([500, 500]), 928);
+    }
 
     #[test]
     fn tested_velocities_are_symmetric_without_zero() {

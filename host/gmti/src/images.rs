@@ -14,7 +14,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Channels, Pulse};
+use subaperture_model::phase_history::{Channels, Pulse, Weights};
 use subaperture_signal::window::Window;
 
 use crate::adaptive::widen;
@@ -57,6 +57,8 @@ pub struct ChannelImages {
     pub predicted_error_db: f64,
     /// Frequency of sample `K/2`, the reference of phases, hertz.
     pub centre_hz: f64,
+    /// Weights with which each image was formed.
+    pub(crate) weights: Vec<Weights>,
     /// View of the grid's centre in the middle of the aperture.
     pub view: View,
 }
@@ -118,6 +120,7 @@ impl Imaging<'_> {
             models,
             predicted_error_db,
             centre_hz: band.centre_hz(),
+            weights,
             view,
         })
     }
@@ -131,7 +134,7 @@ impl Imaging<'_> {
     ) -> View {
         let pulses = alignment.middle_pulses();
         let track = &channels.channel(0).collection().pulses[pulses];
-        let place = |pulse: &Pulse| (pulse.transmitter_m + pulse.receiver_m) / 2.0;
+        let place = Pulse::phase_centre_m;
         let antenna_m = place(&track[track.len() / 2]);
         let velocity = place(&track[track.len() - 1]) - place(&track[0]);
         View::new(

@@ -16,7 +16,7 @@ use subaperture_focus::{ImageFormer, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::{Channels, Weights};
+use subaperture_model::phase_history::Channels;
 use subaperture_model::resolution::support::path_gradient;
 
 use crate::alignment::Alignment;
@@ -60,7 +60,6 @@ pub(crate) struct Focus<'a> {
     pub(crate) imaging: &'a Imaging<'a>,
     pub(crate) alignment: &'a Alignment,
     pub(crate) images: &'a ChannelImages,
-    pub(crate) weights: &'a [Weights],
 }
 
 impl Focus<'_> {
@@ -110,7 +109,7 @@ impl Focus<'_> {
             error_db: ERROR_DB,
         };
         let mut planes = Vec::with_capacity(self.channels.len());
-        for (c, weights) in self.weights.iter().enumerate() {
+        for (c, weights) in self.images.weights.iter().enumerate() {
             let history = Balanced::new(self.channels.channel(c), &self.images.balances[c]);
             let task = Task {
                 memory_bytes: self.imaging.memory_bytes,

@@ -54,13 +54,11 @@ pub fn find(
         windows: imaging.windows,
     };
     let (mut targets, side_lobes) = estimator.targets(&map)?;
-    let [fast, slow] = imaging.windows;
     let focus = Focus {
         channels,
         imaging,
         alignment: &alignment,
         images: &images,
-        weights: &alignment.weights(collections[0].num_samples, fast, slow),
     };
     for target in targets.iter_mut().take(settings.focused_targets) {
         let place_m = target.image_position_m.into();

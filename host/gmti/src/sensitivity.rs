@@ -64,8 +64,7 @@ impl Sensitivity {
     ) -> Result<Self, GmtiError> {
         let (lags_s, size) = (alignment.lags_s(), images.images.len() - 1);
         let (whitener, count) = covariance_of_clutter(images, map.spacing)?;
-        let [inner, outer] = settings.reach();
-        let snapshots = (2 * outer + 1).pow(2) - (2 * inner + 1).pow(2);
+        let snapshots = settings.most_snapshots([map.rows, map.columns]);
         let performance = Performance::new(Statistic::Amf, size, snapshots)?;
         let threshold = performance.threshold(map.single_probability)?;
         let most = unambiguous_m_s(lags_s, images.centre_hz);

@@ -140,12 +140,7 @@ impl Estimator<'_> {
         let mut side_lobes = 0;
         let ratios = self.windows.map(side_lobe_ratio);
         for (peak, pixels) in groups(map) {
-            let of = |pixel: usize| {
-                let at = self
-                    .grid
-                    .position_m(pixel / map.columns, pixel % map.columns);
-                track.path_and_rate(at)
-            };
+            let of = |pixel: usize| track.path_and_rate(self.pixel_m(pixel));
             let ((path_m, rate), snr) = (of(peak), map.snr[peak]);
             let masks = |stronger: &Lines| stronger.mask((path_m, rate), snr, ratios);
             if lines.iter().any(masks) {
@@ -187,12 +182,7 @@ impl Estimator<'_> {
             mean(&|pixel| pixel % map.columns),
         ];
         let along = self.images.view.along();
-        let places = used.iter().map(|&pixel| {
-            let at = self
-                .grid
-                .position_m(pixel / map.columns, pixel % map.columns);
-            at.dot(along)
-        });
+        let places = used.iter().map(|&pixel| self.pixel_m(pixel).dot(along));
         let ends = [f64::INFINITY, f64::NEG_INFINITY];
         let [start_m, end_m] = places.fold(ends, |[low, high], s| [low.min(s), high.max(s)]);
         let extent_m = end_m - start_m;
@@ -251,6 +241,12 @@ impl Estimator<'_> {
         let velocity = x_axis * across_m_s - y_axis * (target.radial_velocity_m_s / level);
         // A target below the radar has no horizontal velocity along the line of sight.
         (level > MIN_LEVEL).then(|| velocity.to_array())
+    }
+
+    /// Scene position of the pixel with this index.
+    fn pixel_m(&self, pixel: usize) -> DVec3 {
+        let columns = self.grid.columns.count;
+        self.grid.position_m(pixel / columns, pixel % columns)
     }
 
     /// Scene position at fractional pixels.

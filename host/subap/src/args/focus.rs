@@ -256,7 +256,7 @@ impl Forming {
 }
 
 /// Numerics with or without `--portable`.
-fn numerics<'m>(portable: bool) -> Numerics<'m> {
+pub(super) fn numerics<'m>(portable: bool) -> Numerics<'m> {
     match portable {
         true => Numerics::default().portable(),
         false => Numerics::default(),

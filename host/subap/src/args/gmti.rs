@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
+use subaperture::focus::Numerics;
 use subaperture::geometry::ImageGrid;
 use subaperture::gmti::stanag4607;
 use subaperture::units::Dimension;
 
+use super::focus::numerics;
 use super::values::{above_zero, error_bound, output, positive, probability, several_channels};
 use super::{SeveralChannels, Windows, Writing};
 
@@ -104,6 +106,13 @@ pub(crate) struct Gmti {
 
     #[command(flatten)]
     pub(crate) writing: Writing,
+}
+
+impl Gmti {
+    /// Numerics of the images.
+    pub(crate) fn numerics(&self) -> Numerics<'static> {
+        numerics(self.portable)
+    }
 }
 
 /// Exercise indicator of a STANAG 4607 packet.

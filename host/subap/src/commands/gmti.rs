@@ -7,7 +7,6 @@ mod report;
 use std::time::Instant;
 
 use serde_json::json;
-use subaperture::focus::Numerics;
 use subaperture::focus::formers;
 use subaperture::geometry::ImageGrid;
 use subaperture::gmti::detection::Settings;
@@ -57,10 +56,7 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         grid: &grid,
         windows: typed.windows.both(),
         memory_bytes: session.memory_bytes,
-        numerics: match typed.portable {
-            true => Numerics::default().portable(),
-            false => Numerics::default(),
-        },
+        numerics: typed.numerics(),
         monitor: &progress,
     };
     let settings = Settings {

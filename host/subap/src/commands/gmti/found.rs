@@ -1,10 +1,11 @@
 //! Targets and tracks of all dwells, and their picture.
 
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde::Serialize;
 use subaperture::geometry::ImageGrid;
+use subaperture::gmti::registration::PhaseModel;
 use subaperture::gmti::tracker::{self, Plane, Track, Tracker};
-use subaperture::gmti::{MovingTargets, Sensitivity, Target};
+use subaperture::gmti::{Cancellation, ChannelBalance, MovingTargets, Sensitivity, Target};
 use subaperture::image::Image;
 use subaperture::phase_history::{Channel, Channels};
 use subaperture::plot::{self, Mark, Orientation, Panel};
@@ -17,7 +18,7 @@ pub(super) struct Found {
     pub(super) dwells: Vec<Vec<Target>>,
     pub(super) tracker: Tracker,
     /// Balance, registration and cancellation of each channel in the first dwell.
-    pub(super) channels: Vec<Value>,
+    pub(super) channels: Vec<ChannelRecord>,
     /// Image of the first channel in the first dwell.
     image: Option<Image>,
     /// Detection performance in the first dwell.
@@ -47,7 +48,7 @@ impl Found {
         if self.dwells.is_empty() {
             let about = channels.about().enumerate();
             self.channels = about
-                .map(|channel| channel_record(&dwell, channel))
+                .map(|channel| ChannelRecord::of(&dwell, channel))
                 .collect();
             self.image = dwell.images.images.first().cloned();
         }
@@ -134,17 +135,36 @@ impl Found {
     }
 }
 
-/// Balance, registration and cancellation of a channel.
-fn channel_record(found: &MovingTargets, (c, about): (usize, &Channel)) -> Value {
-    let mut record = json!({
-        "name": about.name,
-        "lag_s": found.alignment.lags_s()[c],
-        "balance": found.images.balances[c],
-    });
-    if c > 0 {
-        record["registration"] = json!(found.images.models[c - 1]);
-        record["crab_deg"] = json!(found.crab_rad(c).map(f64::to_degrees));
-        record["cancellation"] = json!(found.images.cancellation(c));
+/// Lag and balance of a channel.
+#[derive(Serialize)]
+pub(super) struct ChannelRecord {
+    pub(super) name: String,
+    pub(super) lag_s: f64,
+    balance: ChannelBalance,
+    /// Comparison with the first channel, absent from that channel.
+    #[serde(flatten)]
+    pub(super) compared: Option<Compared>,
+}
+
+/// Registration and cancellation of a channel with the first one.
+#[derive(Serialize)]
+pub(super) struct Compared {
+    registration: PhaseModel,
+    crab_deg: Option<f64>,
+    pub(super) cancellation: Cancellation,
+}
+
+impl ChannelRecord {
+    fn of(found: &MovingTargets, (c, about): (usize, &Channel)) -> Self {
+        Self {
+            name: about.name.clone(),
+            lag_s: found.alignment.lags_s()[c],
+            balance: found.images.balances[c],
+            compared: (c > 0).then(|| Compared {
+                registration: found.images.models[c - 1],
+                crab_deg: found.crab_rad(c).map(f64::to_degrees),
+                cancellation: found.images.cancellation(c),
+            }),
+        }
     }
-    record
 }

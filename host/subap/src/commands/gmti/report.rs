@@ -9,14 +9,16 @@ use crate::text;
 
 /// Print cancellation, targets and tracks.
 pub(super) fn say(typed: &Gmti, found: &Found) -> anyhow::Result<()> {
-    for channel in found.channels.iter().skip(1) {
-        let number = |pointer: &str| channel.pointer(pointer).and_then(|value| value.as_f64());
+    for channel in &found.channels {
+        let Some(compared) = &channel.compared else {
+            continue;
+        };
         text::say(format!(
             "channel {}: lag {:+.3} ms, clutter cancelled by {:.1} dB, coherence {:.6}",
-            channel["name"].as_str().unwrap_or_default(),
-            1e3 * number("/lag_s").unwrap_or(f64::NAN),
-            number("/cancellation/ratio_db").unwrap_or(f64::INFINITY),
-            number("/cancellation/coherence").unwrap_or(f64::NAN),
+            channel.name,
+            1e3 * channel.lag_s,
+            compared.cancellation.ratio_db,
+            compared.cancellation.coherence
         ))?;
     }
     text::say(format!(
