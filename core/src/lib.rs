@@ -18,8 +18,8 @@
 //!   thesis or by the exact chirp-z keystone ([`keystone`]). No geometry is needed.
 //!
 //! [`accumulate`] interpolates maps of either kind into complex pixels or sums their power. Maps of the stream
-//! can also be searched for targets by [`cfar`] and sent over a serial link by [`link`]. [`sweep`] computes range
-//! profiles of a stepped-frequency radar.
+//! can also be searched for targets by [`cfar`], after cancellation of the clutter between two channels by [`dpca`],
+//! and sent over a serial link by [`link`]. [`sweep`] computes range profiles of a stepped-frequency radar.
 //!
 //! # A plan's map
 //! `M` pulses of `F` frequencies, `f[k] = start_hz + k step_hz`, reference frequency
@@ -54,7 +54,7 @@
 //!
 //! | feature | adds | needs | dependencies |
 //! |---|---|---|---|
-//! | `stream` | [`stream`] in float32, [`cfar`], and [`accumulate`] for maps of patches | | `heapless`, for lists of detections |
+//! | `stream` | [`stream`] in float32, [`cfar`], [`dpca`], and [`accumulate`] for maps of patches | | `heapless`, for lists of detections |
 //! | `fixed` | 16-bit samples, and the stream in fixed-point arithmetic without floating-point operations: `fixed_point` | `stream` | `fixed` |
 //! | `link` | [`link`], the wire format of the embedded module; `serde` for the types it sends | `fixed` (both sample formats are sent), `motion` (increments are sent), `sweep` (range profiles are sent) | `cobs`, `crc`, `postcard`, `serde` |
 //! | `selftest` | [`selftest`]: checksums that must be equal on every machine; includes the stream if `link` is on | | |
@@ -69,6 +69,7 @@
 #![cfg_attr(
     not(feature = "stream"),
     doc = "[`cfar`]: crate#features",
+    doc = "[`dpca`]: crate#features",
     doc = "[`stream`]: crate#features",
     doc = "[`stream::FloatBuffers`]: crate#features",
     doc = "[`stream::SubCpiProcessor`]: crate#features"
@@ -88,6 +89,8 @@ pub mod accumulate;
 mod axes;
 #[cfg(feature = "stream")]
 pub mod cfar;
+#[cfg(feature = "stream")]
+pub mod dpca;
 pub mod fft;
 pub mod keystone;
 #[cfg(feature = "link")]

@@ -4,6 +4,7 @@ mod accumulate;
 mod cfar;
 mod channels;
 mod chip;
+mod dpca;
 mod features;
 mod fixed;
 mod fixed_scene;

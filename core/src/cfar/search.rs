@@ -212,6 +212,25 @@ impl CfarSearch {
         self.step(&cells_of(map), columns, detections)
     }
 
+    /// Do one step on `[Doppler bins, range bins]` cells with the powers of `power(row, column)`, as [`Self::step_in_map`] does.
+    ///
+    /// # Errors
+    /// [`CfarError::Length`] if the number of columns differs from the range bins.
+    pub fn step_in_cells<const CAPACITY: usize>(
+        &mut self,
+        [rows, num_range_bins]: [usize; 2],
+        power: impl Fn(usize, usize) -> Option<f32>,
+        columns: &mut [Column],
+        detections: &mut Vec<Detection, CAPACITY>,
+    ) -> Result<bool, CfarError> {
+        let cells = Cells {
+            rows,
+            columns: num_range_bins,
+            power,
+        };
+        self.step(&cells, columns, detections)
+    }
+
     fn step<P: Fn(usize, usize) -> Option<f32>, const CAPACITY: usize>(
         &mut self,
         cells: &Cells<P>,
