@@ -3,11 +3,12 @@
 use subaperture_core::Complex32;
 use subaperture_core::accumulate::{ChipKernel, add_patch_map, add_power};
 use subaperture_core::cfar::{Cfar, CfarSearch, Column, Detection};
+use subaperture_core::dpca::{Balance, Difference, Dpca};
 use subaperture_core::link::{
     CHIP_PART_PIXELS, ChipGrid, Encoding, ImageCapacity, MAX_ACCUMULATED_BYTES, PixelEncoding,
     Refusal, write_pixels,
 };
-use subaperture_core::stream::{MapHeader, PatchMap, Setup};
+use subaperture_core::stream::{MapHeader, Patch, PatchMap, Setup};
 
 /// Maximum number of pixels per step.
 const STEP: usize = ChipGrid::STEP_PIXELS;
@@ -21,7 +22,7 @@ pub const CHANNELS: usize = 4;
 /// Buffers of the map products.
 #[derive(Debug)]
 pub struct ProductBuffers<'a> {
-    /// Pixels of all chips. The length limits the size of an accumulated image.
+    /// Pixels of all chips, or the map of channel 0 kept for the clutter cancellation. The length limits the size of both.
     pub pixels: &'a mut [Complex32],
     /// Image chips: one per patch.
     pub chips: &'a mut [Chip],
@@ -79,6 +80,9 @@ impl Chip {
 pub(crate) struct Products<'a> {
     buffers: ProductBuffers<'a>,
     pub(crate) cfar: Option<Cfar>,
+    dpca: Option<Dpca>,
+    /// Factor from channel 1 to channel 0 of the current map.
+    gain: Complex32,
     pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
     num_chips: usize,
     /// Whether the chips accumulate the power of each sub-CPI, in the real parts of their pixels.
@@ -95,6 +99,10 @@ pub(crate) struct Products<'a> {
 enum Next {
     /// Step of the chip ([`ChipGrid::step`]).
     Chip(usize),
+    /// Keep this row of the map of channel 0.
+    Keep(usize),
+    /// Estimate the gain between the channels.
+    Balance(Balance),
     BeginSearch,
     Search(CfarSearch),
     /// Read the values at the detections.
@@ -107,6 +115,8 @@ impl<'a> Products<'a> {
         Self {
             buffers,
             cfar: None,
+            dpca: None,
+            gain: Complex32::ONE,
             detections: heapless::Vec::new(),
             num_chips: 0,
             power: false,
@@ -128,6 +138,7 @@ impl<'a> Products<'a> {
     /// Disable all products and discard the chips.
     pub(crate) fn clear(&mut self) {
         self.cfar = None;
+        self.dpca = None;
         self.num_chips = 0;
         self.power = false;
         self.sub_cpis = 0;
@@ -227,6 +238,25 @@ impl<'a> Products<'a> {
         Ok(())
     }
 
+    /// Detect on the difference of two channels.
+    pub(crate) fn set_dpca(&mut self, dpca: &Dpca, setup: Option<&Setup>) -> Result<(), Refusal> {
+        let setup = setup.ok_or(Refusal::NotConfigured)?;
+        dpca.check(setup).map_err(Refusal::Dpca)?;
+        self.dpca = Some(*dpca);
+        Ok(())
+    }
+
+    /// Check that the maps of these patches can be kept if the clutter is cancelled.
+    pub(crate) fn check_patches(&self, patches: &[Patch]) -> Result<(), Refusal> {
+        if self.dpca.is_none() {
+            return Ok(());
+        }
+        let most = self.buffers.pixels.len();
+        let mut all = patches.iter();
+        all.try_for_each(|patch| Dpca::check_patch(patch, most))
+            .map_err(Refusal::Dpca)
+    }
+
     /// Accumulate power in place of the coherent sum. Refused once the chips contain a sub-CPI.
     pub(crate) fn set_power(&mut self) -> Result<(), Refusal> {
         if self.sub_cpis > 0 && !self.power {
@@ -245,13 +275,20 @@ impl<'a> Products<'a> {
         }
     }
 
-    /// Start the products of a map. Targets are detected on the map of channel 0.
+    /// Start the products of a map. Targets are detected on the map of channel 0, or on the difference once that of channel 1 is formed.
     pub(crate) fn begin_map(&mut self, map: &PatchMap<'_>) {
         if map.header.channel > 0 {
-            self.next = Next::Values;
+            self.next = match self.dpca {
+                Some(_) => Next::Balance(Balance::new()),
+                None => Next::Values,
+            };
             return;
         }
         self.detections.clear();
+        if self.dpca.is_some() {
+            self.next = Next::Keep(0);
+            return;
+        }
         let accumulate = self.num_chips > 0 && !self.has(map.header.sub_cpi);
         self.is_partial |= accumulate;
         self.next = if accumulate {
@@ -289,6 +326,22 @@ impl<'a> Products<'a> {
                     None => Next::BeginSearch,
                 };
             }
+            Next::Keep(row) => {
+                let row = *row;
+                let pixels = &mut *self.buffers.pixels;
+                let dpca = self.dpca.as_ref();
+                let kept = dpca.is_some_and(|dpca| dpca.keep_row(setup, map, row, pixels));
+                self.next = match kept {
+                    true => Next::Keep(row.wrapping_add(1)),
+                    false => Next::Done,
+                };
+            }
+            Next::Balance(balance) => {
+                if !balance.step(map, self.buffers.pixels) {
+                    self.gain = balance.gain();
+                    self.next = Next::BeginSearch;
+                }
+            }
             Next::BeginSearch => {
                 self.next = match self.cfar.map(|cfar| cfar.begin()) {
                     Some(Ok(search)) => Next::Search(search),
@@ -299,11 +352,44 @@ impl<'a> Products<'a> {
                 let bins = map.header.patch.num_range_bins();
                 // A map that is too wide gets no columns and thus no detections.
                 let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
-                if search.step_in_map(map, columns, &mut self.detections) != Ok(true) {
+                let found = &mut self.detections;
+                let more = match &self.dpca {
+                    None => search.step_in_map(map, columns, found),
+                    Some(dpca) => {
+                        let difference = Difference {
+                            dpca,
+                            setup,
+                            map,
+                            kept: self.buffers.pixels,
+                            gain: self.gain,
+                        };
+                        let power = |row, column| difference.power(row, column);
+                        search.step_in_cells(difference.shape(), power, columns, found)
+                    }
+                };
+                if more != Ok(true) {
                     self.next = Next::Values;
                 }
             }
             Next::Values => {
+                if let Some(dpca) = &self.dpca {
+                    let difference = Difference {
+                        dpca,
+                        setup,
+                        map,
+                        kept: self.buffers.pixels,
+                        gain: self.gain,
+                    };
+                    let all = self.detections.iter().zip(self.buffers.values.iter_mut());
+                    for (detection, values) in all {
+                        let aligned = difference.values(detection.cell());
+                        for (value, aligned) in values.iter_mut().zip(aligned) {
+                            *value = aligned;
+                        }
+                    }
+                    self.next = Next::Done;
+                    return true;
+                }
                 let channel = usize::from(map.header.channel);
                 let all = self.detections.iter().zip(self.buffers.values.iter_mut());
                 for (detection, values) in all {

@@ -2,6 +2,7 @@
 
 use subaperture_core::Pulse;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
+use subaperture_core::dpca::{Dpca, DpcaError};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, Event, ImageCapacity,
     Increment, Level, LinkCounters, Motion, MotionConfiguration, PixelEncoding, ProfileHeader,
@@ -132,6 +133,7 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
             pulse: GOLDEN_PULSE,
         },
         Command::Power,
+        Command::Dpca(Dpca { lag_pulses: -1.75 }),
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -332,6 +334,13 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
             sequence: 19,
             what: Refusal::Channels { wanted: 5, most: 4 },
         },
+        Report::Refused {
+            sequence: 20,
+            what: Refusal::Dpca(DpcaError::LagTooLong {
+                found: 300,
+                most: 16,
+            }),
+        },
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -378,7 +387,7 @@ const GOLDEN_PULSE: Pulse = Pulse {
     weight: 0.75,
 };
 
-const COMMAND_FRAMES: [&str; 23] = [
+const COMMAND_FRAMES: [&str; 24] = [
     // Hello
     "020301010101050dd3563700",
     // Configure
@@ -431,8 +440,10 @@ const COMMAND_FRAMES: [&str; 23] = [
      58bb40010101010103f03f010101010458bb4001010105b055d3400107403f676a99a400",
     // Power
     "030316010106167e04222c00",
+    // Dpca
+    "03031701010217010101010107fcbf8ad3d84f00",
 ];
-const REPORT_FRAMES: [&str; 21] = [
+const REPORT_FRAMES: [&str; 22] = [
     // Identity
     "02030101010121030140800480047f108080028080010c6d6f64756c6520302e312e300777c5c100",
     // Status
@@ -482,4 +493,6 @@ const REPORT_FRAMES: [&str; 21] = [
     "03031301010e09120ea09c018080019f62f27e00",
     // Refused
     "03031401010a09130f0504692d6bc700",
+    // Refused, for a clutter cancellation
+    "03031501010c09141003ac0210c697835300",
 ];

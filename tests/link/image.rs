@@ -8,13 +8,14 @@ use std::time::Duration;
 
 use subaperture::module::accumulated::by_host_core;
 use subaperture::module::link::{
-    AccumulatedImage, Buffers, ChannelDetection, Counts, DetectionSink, HostCore, ImageRequest,
-    LinkError, Outcome, Session, SessionObserver, Settings, SinkError, TransferEnd,
+    AccumulatedImage, Buffers, ChannelDetection, Counts, DetectionSink, Detector, HostCore,
+    ImageRequest, LinkError, Outcome, Session, SessionObserver, Settings, SinkError, TransferEnd,
 };
 use subaperture::monitor::Silent;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
 use subaperture_core::link::Encoding;
 use subaperture_core::stream::{MapSamples, PatchMap};
+use subaperture_tests::dpca_scene;
 use subaperture_tests::faults::Faults;
 use subaperture_tests::link_scene::{
     CHIPS, COHERENT, Key, MAPS, POWER, PULSES, expected, image_scene, job, judge_image, recorded,
@@ -427,6 +428,34 @@ impl DetectionSink for Lists {
 }
 
 #[test]
+fn detections_after_cancellation_over_a_faulty_line_are_those_of_the_core() {
+    let recordings = dpca_scene::recordings();
+    let detector = dpca_scene::detector(&recordings);
+    let own = &mut dpca_scene::job(&recordings, &detector, Encoding::Complex32);
+    let expected = dpca_scene::expected_of(own, &detector);
+    for seed in 0..3 {
+        let faults = Faults {
+            seed,
+            bit_errors: f64::from(seed as u32) * 2e-5,
+            ..Faults::default()
+        };
+        let mut job = dpca_scene::job(&recordings, &detector, Encoding::Complex32);
+        let mut module = Module::behind(faults, Manner::default());
+        let (mut buffers, mut lists) = (Buffers::new(), Lists::default());
+        let mut session =
+            Session::open(&mut module, &mut buffers, settings(100), &mut Silent).unwrap();
+        let outcome = session.detect(&mut job, &detector, &mut lists, &mut Silent);
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
+        // Six sub-CPIs, two patches.
+        assert_eq!(lists.0.len(), 12);
+        assert_eq!(lists.0, expected);
+    }
+}
+
+#[test]
 fn detections_over_a_faulty_line_are_those_of_the_core() {
     let scene = image_scene();
     let recording = recorded(&scene);
@@ -443,7 +472,15 @@ fn detections_over_a_faulty_line_are_those_of_the_core() {
         let mut lists = Lists::default();
         let mut session =
             Session::open(&mut module, &mut buffers, settings(100), &mut Silent).unwrap();
-        let outcome = session.detect(&mut job, &CFAR, &mut lists, &mut Silent);
+        let outcome = session.detect(
+            &mut job,
+            &Detector {
+                cfar: CFAR,
+                dpca: None,
+            },
+            &mut lists,
+            &mut Silent,
+        );
         assert!(
             matches!(outcome.ending, TransferEnd::Complete),
             "{outcome:?}"

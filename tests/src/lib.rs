@@ -3,6 +3,7 @@
 
 pub mod accuracy_table;
 pub mod dem;
+pub mod dpca_scene;
 pub mod experiment;
 pub mod faults;
 pub mod firmware;

@@ -3,9 +3,10 @@
 use subaperture::module::maps::Arithmetic;
 use subaperture::module::plan::{RamBudget, image_bytes};
 use subaperture_core::cfar::Column;
+use subaperture_core::dpca::Dpca;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::{
-    Capacity, FixedBuffers, FixedMap, FixedScratch, FloatBuffers, FloatMap, FloatScratch,
+    Capacity, FixedBuffers, FixedMap, FixedScratch, FloatBuffers, FloatMap, FloatScratch, Patch,
     PulseStores,
 };
 use subaperture_core::{Complex32, Sc16};
@@ -92,6 +93,17 @@ fn module_plan_memory_matches_firmware_statics() {
             assert_eq!(budget.detections_bytes, options as u64);
             let budget = RamBudget::new(&capacity, Arithmetic::Fixed);
             assert_eq!(budget.total_bytes, fixed as u64, "{capacity:?}");
+            // The kept map of the largest patch, whose sides are odd.
+            let patch = Patch {
+                range_reach: ($f - 1) / 2,
+                doppler_reach: ($d - 1) / 2,
+                ..Patch::EMPTY
+            };
+            let kept = (Dpca::kept_len(&patch) * size_of::<Complex32>()) as u64;
+            if $f % 2 == 1 && $d % 2 == 1 {
+                assert_eq!(budget.dpca_bytes, kept, "{capacity:?}");
+            }
+            assert!(kept <= budget.dpca_bytes, "{capacity:?}");
             let sum: u64 = budget.buffers.iter().map(|buffer| buffer.bytes).sum();
             assert_eq!(budget.total_bytes, sum);
         };

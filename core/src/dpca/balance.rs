@@ -47,7 +47,7 @@ enum Step {
 }
 
 impl Balance {
-    /// Begin an estimate.
+    /// Create an estimate at its first step.
     pub const fn new() -> Self {
         Self {
             next: Step::Ratio(0),

@@ -8,6 +8,7 @@ use super::{Level, Message};
 use crate::Pulse;
 use crate::accumulate::PixelGrid;
 use crate::cfar::Cfar;
+use crate::dpca::Dpca;
 use crate::stream::{Patch, Setup};
 use crate::{motion, sweep};
 
@@ -138,6 +139,9 @@ pub enum Command<'a> {
     /// Accumulate the power of each sub-CPI into the chips in place of the coherent sum, until the next configuration. Allowed
     /// before the first run.
     Power,
+    /// Detect on the difference of the aligned maps of two channels (DPCA), until the next configuration. The values of a detection are
+    /// then the aligned values of both channels.
+    Dpca(Dpca),
 }
 
 impl Message for Command<'_> {

@@ -63,6 +63,7 @@
 //! | 20 | `StartFrontEnd` | run `u32`, first pulse `u32` |
 //! | 21 | `Geometry` | pulse |
 //! | 22 | `Power` | |
+//! | 23 | `Dpca` | lag pulses `f64` |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -112,8 +113,9 @@
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
 //! | header | sub-CPI `u32`, patch index `u16`, channel `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
 //! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
-//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error, 14 `SubCpis` wanted `u32` most `u32`, 15 `Channels` wanted `u16` most `u16` |
+//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error, 14 `SubCpis` wanted `u32` most `u32`, 15 `Channels` wanted `u16` most `u16`, 16 `Dpca` cancellation error |
 //! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `TrackerSettings`, 7 `Channels` most `u16`, 8 `Array` |
+//! | cancellation error | 0 `Channels` found `u16`, 1 `NoLag`, 2 `NotFinite`, 3 `LagTooLong` found `u32` most `u16`, 4 `Map` wanted `u32` most `u32` |
 //! | sweep error | 0 `Size` sweep quantity, wanted `u32`, least `u32`, most `u32`; 1 `NoPowerOfTwo` `u16`; 2 `Band`; 3 `NotFinite` |
 //! | sweep quantity | 0 carriers, 1 samples a period, 2 samples a burst, 3 bins, 4 weights |
 //! | setup error | 0 `Size` quantity, wanted `u32`, most `u32`; 1 `RangeLength` `u16`; 2 `DopplerLength` `u16`; 3 `Band`; 4 `NotFinite` |
@@ -132,7 +134,7 @@
 //! host                                                module
 //! Hello                                          ->
 //!                                                <-   Identity (also after a reset of the module)
-//! Configure, Weights ..., Patch ..., Chip, Detect ->
+//! Configure, Weights ..., Patch ..., Chip, Dpca, Detect ->
 //!                                                <-   Status each; Ready once complete
 //! Start                                          ->
 //!                                                <-   Status: Running, credit
@@ -157,6 +159,10 @@
 //! - Channels: with several channels in the setup, each channel of pulse `m` is sent as a pulse of its own, numbered
 //!   `m C + c`; credit, counters and runs count these. Targets are detected on the map of channel 0. Each detection
 //!   has the value of every channel's map at the nearest cell. Maps and images are of one channel.
+//! - Clutter cancellation: with `Dpca`, in a configuration of two channels, targets are detected on the difference of the aligned maps
+//!   ([`crate::dpca`]), and the two values of a detection are the aligned ones. The host sends the slow-time weights of
+//!   [`Dpca::weight`](crate::dpca::Dpca::weight) with the pulses. `Dpca` is `Refused` for another number of channels or an invalid lag,
+//!   `Start` if the map of a patch does not fit the pixels of the image capacity.
 //! - Front end: `StartFrontEnd` replaces `Start`, and `Geometry` replaces `Pulse`: the samples come from a front end of the
 //!   module. Geometry is accepted in the order of the pulses and ahead of their samples, as far as the credit; the next pulse
 //!   of `Status` is the next geometry. A pulse whose samples the front end loses is counted as lost. After `Stop` the run ends

@@ -5,6 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::{ChipGrid, Encoding, Event, LinkCounters, MAX_ANTENNAS, Message, PixelEncoding};
+use crate::dpca::DpcaError;
 use crate::motion::{self, Step};
 use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
 use crate::sweep;
@@ -360,6 +361,8 @@ pub enum Refusal {
         /// Maximum number of channels: 1 for maps and images.
         most: u16,
     },
+    /// The settings of the clutter cancellation are invalid.
+    Dpca(DpcaError),
 }
 
 impl fmt::Display for Refusal {
@@ -405,6 +408,7 @@ impl fmt::Display for Refusal {
                 f,
                 "channels: expected at most {most}, found {wanted}: maps and images are of one channel"
             ),
+            Self::Dpca(error) => error.fmt(f),
             Self::Motion(error) => write!(f, "invalid motion configuration: {error}"),
             Self::Antennas => write!(
                 f,

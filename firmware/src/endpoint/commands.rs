@@ -93,6 +93,10 @@ impl<E: WireEngine> Module<'_, E> {
             Command::StartFrontEnd { run, first } => self.start_front_end(run, first),
             Command::Geometry { pulse } => self.push_geometry(&pulse),
             Command::Power => self.add_product(|products| products.set_power()),
+            Command::Dpca(dpca) => {
+                let setup = self.processor.setup().copied();
+                self.add_product(|products| products.set_dpca(&dpca, setup.as_ref()))
+            }
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
@@ -248,6 +252,7 @@ impl<E: WireEngine> Module<'_, E> {
         if chips > 0 && chips != self.processor.patches().len() {
             return Err(Refusal::PatchIndex);
         }
+        self.products.check_patches(self.processor.patches())?;
         self.processor.start(first).map_err(Refusal::Setup)?;
         self.run = Some(run);
         self.maps = 0;

@@ -15,12 +15,18 @@
 //! position `p` has the phase `-2 pi f_ref a_c(p) / c` there, `a_c` the path in channel `c` relative to the patch centre. This
 //! phase is removed, so that the phases of all channels are equal for a target at rest, apart from clutter, noise, and gain and
 //! phase of the receivers. They differ for a moving target, which is at another position than `p` (along-track interferometry).
+//!
+//! **Clutter cancellation** ([`Locator::aligned`]). The values of both channels are aligned to channel 0 by the module, gain included
+//! ([`subaperture_core::dpca`]). The phase of channel 0 is removed from both, and their difference `phi` is `4 pi v_r tau / lambda`, `v_r` the radial
+//! velocity of the target, positive when it approaches, and `tau` the lag of channel 1. Velocities beyond `+-lambda / (4 tau)` are ambiguous. The
+//! phase of a target weaker than the clutter in its cell is pulled toward 0, and so is the velocity.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 use glam::DVec3;
 use subaperture_core::cfar::Detection;
+use subaperture_core::dpca::{Dpca, DpcaError};
 
 use crate::link::ChannelDetection;
 use crate::plan::ModulePlan;
@@ -28,6 +34,36 @@ use subaperture_focus::sub_cpi::{self, SubCpi};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
+
+/// Lag of the second channel in pulses: the displacement of its phase centre behind that of the first over that of the radar per pulse, in
+/// least squares over all pulses. Negative if the second channel is ahead.
+///
+/// # Errors
+/// [`DpcaError`] if there are not two channels, the radar does not move, or the phase centres coincide along the track.
+pub fn lag_pulses(channels: &[&Collection]) -> Result<f64, DpcaError> {
+    let [first, second] = channels else {
+        return Err(DpcaError::Channels {
+            found: channels.len().min(usize::from(u16::MAX)) as u16,
+        });
+    };
+    let centres_m = |collection: &Collection| -> Vec<DVec3> {
+        let centres_m = collection.pulses.iter().map(|pulse| pulse.phase_centre_m());
+        centres_m.collect()
+    };
+    let (first_m, second_m) = (centres_m(first), centres_m(second));
+    let (mut product, mut square) = (0.0, 0.0);
+    for (pair, second_m) in first_m.windows(2).zip(second_m.windows(2)) {
+        let step_m = pair[1] - pair[0];
+        product += (second_m[0] - pair[0]).dot(step_m);
+        square += step_m.length_squared();
+    }
+    let lag = -product / square;
+    match lag {
+        _ if !lag.is_finite() => Err(DpcaError::NotFinite),
+        0.0 => Err(DpcaError::NoLag),
+        _ => Ok(lag),
+    }
+}
 
 /// Value of one channel's map at the cell of a detection.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +91,9 @@ pub struct LocatedDetection {
     pub path_m: f64,
     /// Path rate in metres per second, that of the moving radar included. `None` for pulses without times.
     pub path_rate_m_s: Option<f64>,
+    /// Radial velocity in metres per second by the phase between both channels, positive when the target approaches. `None` without clutter
+    /// cancellation, for pulses without times, and without a position.
+    pub radial_velocity_m_s: Option<f64>,
     /// Position of a target at rest in metres. `None` if no point of the grid's plane near the patch has this path and rate.
     pub position_m: Option<[f64; 3]>,
 }
@@ -65,6 +104,7 @@ pub struct Locator<'a> {
     plan: &'a ModulePlan,
     sub_cpis: Vec<Range<usize>>,
     axes: [DVec3; 2],
+    dpca: Option<Dpca>,
 }
 
 impl<'a> Locator<'a> {
@@ -75,7 +115,14 @@ impl<'a> Locator<'a> {
             plan,
             sub_cpis: sub_cpi::cut(plan.num_pulses, &[], plan.setup.num_pulses.into()),
             axes: [grid.x_axis, grid.y_axis],
+            dpca: None,
         }
+    }
+
+    /// Locate detections after this clutter cancellation, whose values are aligned to channel 0.
+    #[must_use]
+    pub fn aligned(self, dpca: Option<Dpca>) -> Self {
+        Self { dpca, ..self }
     }
 
     /// Locate the detections on a map. Empty if the plan has no such map.
@@ -115,25 +162,40 @@ impl<'a> Locator<'a> {
             );
             let (path_m, rate) = (centre_path_m + wanted.0, centre_rate_m + wanted.1);
             let position_m = track.locate(centre_m, self.axes, path_m, rate);
-            let channels = values
-                .iter()
-                .zip(&tracks)
-                .map(|(value, track)| ChannelValue {
-                    power: value.norm_sqr(),
-                    phase_rad: position_m.map(|position_m| {
-                        let (a, _) = track.line(&track.datum(centre_m), position_m);
-                        let rest_rad = -TAU * (a * setup.centre_hz() / SPEED_OF_LIGHT_M_S);
-                        wrapped(f64::from(value.arg()) - rest_rad)
-                    }),
-                });
+            let own = tracks.iter().map(|own| match self.dpca {
+                Some(_) => track,
+                None => own,
+            });
+            let channels = values.iter().zip(own).map(|(value, track)| ChannelValue {
+                power: value.norm_sqr(),
+                phase_rad: position_m.map(|position_m| {
+                    let (a, _) = track.line(&track.datum(centre_m), position_m);
+                    let rest_rad = -TAU * (a * setup.centre_hz() / SPEED_OF_LIGHT_M_S);
+                    wrapped(f64::from(value.arg()) - rest_rad)
+                }),
+            });
+            let channels: Vec<ChannelValue> = channels.collect();
+            let phases = (channels.first(), channels.get(1));
+            let radial_velocity_m_s = match (self.dpca, phases) {
+                (Some(dpca), (Some(first), Some(second))) if timed => {
+                    let phases = second.phase_rad.zip(first.phase_rad);
+                    let lag_s = dpca.lag_pulses * interval_s;
+                    let wavelength_m = SPEED_OF_LIGHT_M_S / setup.centre_hz();
+                    phases.map(|(second, first)| {
+                        wrapped(second - first) * wavelength_m / (2.0 * TAU * lag_s)
+                    })
+                }
+                _ => None,
+            };
             LocatedDetection {
                 sub_cpi,
                 patch,
                 time_s: (first_s + last_s) / 2.0,
                 detection: *detection,
-                channels: channels.collect(),
+                channels,
                 path_m,
                 path_rate_m_s: timed.then(|| rate / interval_s),
+                radial_velocity_m_s,
                 position_m: position_m.map(|position_m| position_m.to_array()),
             }
         });

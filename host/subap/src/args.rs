@@ -306,6 +306,10 @@ pub(crate) struct Link {
     #[arg(long, value_name = "P", value_parser = probability)]
     pub(crate) false_alarms: Option<f64>,
 
+    /// Cancel the clutter between two channels along the track before the detection (DPCA), only with --send detections
+    #[arg(long)]
+    pub(crate) dpca: bool,
+
     /// Pixels covered by the maps, as for focus [default: the scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,

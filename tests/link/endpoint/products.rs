@@ -2,26 +2,29 @@
 //!
 //! Maps are reassembled from the frames and everything else is compared with them. The chip must be bit-identical to the sum
 //! that the host forms from the same maps, and agree with the exact sum over pulses and frequencies in float64, which shares no
-//! code with it. Detections must be those of the detector run here on the received map.
+//! code with it. Detections must be those of the detector run here on the received map, or after clutter cancellation those of the core run here.
 
 use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
-use subaperture_core::Pulse;
+use subaperture::module::link::Detector;
 use subaperture_core::accumulate::{ChipKernel, PixelGrid, add_patch_map};
 use subaperture_core::cfar::{Cfar, Column, Detection};
+use subaperture_core::dpca::{Dpca, DpcaError};
 use subaperture_core::link::{
     CHIP_PART_PIXELS, ChipGrid, Command, Configuration, Encoding, MAX_LIST_BYTES, Refusal, Row,
     State, detection_bytes, write_pixels,
 };
-use subaperture_core::stream::{FloatBuffers, Setup};
+use subaperture_core::stream::{FixedBuffers, FloatBuffers, Setup, SubCpiProcessor};
+use subaperture_core::{Pulse, Sc16};
 use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::products::DETECTIONS;
+use subaperture_tests::dpca_scene::Run;
 use subaperture_tests::stream_scene::{Scene, patch, relative_error_db};
 
 use super::bench::{
-    Bench, CHIP, Came, F, Listed, M, R, ROWS, SMALL_CHIP, SPEED_OF_LIGHT_M_S, Target, cfar, fixed,
-    float, scene,
+    Bench, CHIP, Came, F, Listed, M, PIXELS, R, ROWS, SMALL_CHIP, SPEED_OF_LIGHT_M_S, Target, cfar,
+    fixed, float, scene,
 };
 
 /// Exact sum at every pixel of `CHIP`.
@@ -373,6 +376,111 @@ fn check_channels<E: WireEngine + 'static>(module: impl Fn() -> Bench<E>) {
 fn detections_have_the_values_of_every_channel() {
     check_channels(float);
     check_channels(fixed);
+}
+
+/// Detections on the difference of two channels are those of the core run here, bit by bit, with the aligned values.
+fn check_cancellation<E: WireEngine + 'static>(
+    mut bench: Bench<E>,
+    processor: SubCpiProcessor<'_, E>,
+    narrow: impl Fn(&Complex32) -> E::Sample,
+) {
+    let mut scene = scene();
+    scene.setup.num_pulses = (M / 2) as u16;
+    scene.setup.num_channels = 2;
+    // Kept maps of at most 128 values, the pixels of the bench.
+    scene.patches = vec![patch([3.0, -2.0, 0.5], 3, 7), patch([-4.0, 6.0, 0.0], 4, 5)];
+    let detector = Detector {
+        cfar: cfar(0.5),
+        dpca: Some(Dpca { lag_pulses: -0.5 }),
+    };
+    let (detect, cancel) = (
+        Command::Detect(detector.cfar),
+        Command::Dpca(detector.dpca.unwrap()),
+    );
+    bench.send_maps = false;
+    bench.configure(&scene);
+    assert_eq!(bench.send(&cancel), None);
+    assert_eq!(bench.send(&detect), None);
+    bench.run(1, &scene);
+    let received = bench.detections.clone();
+    let lists = lists(&received, MAX_LIST_BYTES / detection_bytes(2));
+    let samples: Vec<Vec<E::Sample>> = (scene.samples.iter())
+        .map(|samples| samples.iter().map(&narrow).collect())
+        .collect();
+    let run = Run {
+        setup: &scene.setup,
+        weights: &scene.weights,
+        patches: &scene.patches,
+        detector: &detector,
+    };
+    let pulses = scene.pulses.iter().zip(&samples);
+    let expected = run.expected(
+        processor,
+        pulses.map(|(pulse, samples)| (pulse, samples.iter().copied())),
+    );
+    assert_eq!(
+        (lists.len(), expected.len()),
+        (8, 8),
+        "3.5 sub-CPIs, two patches"
+    );
+    for (sub_cpi, patch, list) in &lists {
+        let own = &expected[&(*sub_cpi, *patch)];
+        let own = own.iter().map(|one| (one.detection, one.values.clone()));
+        assert!(list.iter().cloned().eq(own));
+        assert!(list.len() > 2, "{}", list.len());
+    }
+    assert!(
+        lists.iter().any(|(_, _, list)| list.len() > 5),
+        "of several frames"
+    );
+    // Settings last until the next configuration; without the cancellation the lists are others.
+    bench.run(2, &scene);
+    assert_eq!(bench.detections, received);
+    bench.configure(&scene);
+    assert_eq!(bench.send(&detect), None);
+    bench.run(3, &scene);
+    assert_ne!(bench.detections, received);
+
+    // A map that does not fit is refused at the start, whatever the order of the commands.
+    scene.patches = vec![patch([3.0, -2.0, 0.5], 4, 7)];
+    bench.configure(&scene);
+    assert_eq!(bench.send(&cancel), None);
+    let too_large = DpcaError::Map {
+        wanted: 9 * 16,
+        most: PIXELS as u32,
+    };
+    let start = Command::Start { run: 4, first: 0 };
+    assert_eq!(bench.send(&start), Some(Refusal::Dpca(too_large)));
+    for (lag_pulses, error) in [
+        (0.0, DpcaError::NoLag),
+        (f64::NAN, DpcaError::NotFinite),
+        (f64::NEG_INFINITY, DpcaError::NotFinite),
+        (2.5, DpcaError::LagTooLong { found: 3, most: 2 }),
+        (
+            -1e300,
+            DpcaError::LagTooLong {
+                found: u32::MAX,
+                most: 2,
+            },
+        ),
+    ] {
+        let refused = bench.send(&Command::Dpca(Dpca { lag_pulses }));
+        assert_eq!(refused, Some(Refusal::Dpca(error)));
+    }
+    scene.setup.num_channels = 1;
+    bench.configure(&scene);
+    let one = Refusal::Dpca(DpcaError::Channels { found: 1 });
+    assert_eq!(bench.send(&cancel), Some(one));
+    assert!(one.to_string().contains("expected 2, found 1"), "{one}");
+}
+
+#[test]
+fn detections_after_cancellation_equal_those_of_the_core() {
+    let buffers = Box::leak(Box::new(FloatBuffers::<M, F, R, ROWS, 3>::new()));
+    check_cancellation(float(), buffers.processor(), |z| *z);
+    let buffers = Box::leak(Box::new(FixedBuffers::<M, F, R, ROWS, 2, 3>::new()));
+    let processor = buffers.processor().unwrap();
+    check_cancellation(fixed(), processor, |z| Sc16::from_complex32(*z).0);
 }
 
 fn check_lists<E: WireEngine + 'static>(mut bench: Bench<E>) {

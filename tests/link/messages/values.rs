@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
+use subaperture_core::dpca::{Dpca, DpcaError};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoding, Event, ImageCapacity, Increment, Level,
     LinkCounters, Motion, MotionConfiguration, PixelEncoding, ProfileHeader, Refusal, Report,
@@ -218,6 +219,9 @@ impl Values {
                 pulse: self.pulse(),
             },
             Command::Power,
+            Command::Dpca(Dpca {
+                lag_pulses: self.real,
+            }),
         ]
     }
 
@@ -260,6 +264,19 @@ impl Values {
             Refusal::Antennas,
         ];
         let (few, many) = (self.short, self.byte.into());
+        all.extend(
+            [
+                DpcaError::Channels { found: few },
+                DpcaError::NoLag,
+                DpcaError::NotFinite,
+                DpcaError::LagTooLong {
+                    found: wanted,
+                    most: few,
+                },
+                DpcaError::Map { wanted, most },
+            ]
+            .map(Refusal::Dpca),
+        );
         all.extend(
             [
                 motion::SetupError::Frequencies {

@@ -117,6 +117,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
         plain,
         frames[..8].concat(),
         wire::increments(),
+        wire::cancellation(),
         wire::profiles(),
     ]
 }

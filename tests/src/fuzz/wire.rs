@@ -2,13 +2,14 @@
 
 use num_complex::Complex;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
+use subaperture_core::dpca::Dpca;
 use subaperture_core::link::{
     ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, Event, MapAssembly,
     Message, MotionConfiguration, ProfileAssembly, Receiver, Refusal, Report, State, Status,
     SweepConfiguration, detections, max_frame_bytes, max_received_bytes, write_complex32s,
     write_f32s, write_pairs, write_places,
 };
-use subaperture_core::{Complex32, motion, sweep};
+use subaperture_core::{Complex32, motion, stream, sweep};
 
 use crate::link_scene;
 
@@ -86,6 +87,56 @@ pub(super) fn commands() -> Vec<u8> {
         });
     }
     for command in [Command::Status, Command::Stop, Command::Abort] {
+        say(&command);
+    }
+    wire.bytes
+}
+
+/// Commands of a session with clutter cancellation of two channels.
+pub(super) fn cancellation() -> Vec<u8> {
+    let scene = link_scene::scene();
+    let mut wire = Wire::new();
+    let mut say = |command: &Command<'_>| wire.say(command);
+    say(&Command::Hello);
+    say(&Command::Configure(Configuration {
+        id: 8,
+        setup: stream::Setup {
+            num_channels: 2,
+            ..scene.setup
+        },
+        total_pulses: 16,
+        send_maps: false,
+    }));
+    let mut bytes = [0; 8 * SAMPLES];
+    let weights = write_f32s(&scene.weights, &mut bytes).expect("few weights");
+    say(&Command::Weights { first: 0, weights });
+    say(&Command::Patch {
+        index: 0,
+        count: 1,
+        patch: scene.patches[0],
+    });
+    for lag_pulses in [f64::NAN, 0.0, 1e300, 0.75] {
+        say(&Command::Dpca(Dpca { lag_pulses }));
+    }
+    let window = TrainingWindow {
+        guard: 0,
+        training: 1,
+    };
+    say(&Command::Detect(Cfar {
+        range: window,
+        doppler: window,
+        false_alarm_probability: 0.5,
+    }));
+    say(&Command::Start { run: 6, first: 0 });
+    for (pulse, samples) in scene.pulses.iter().zip(&scene.samples).take(16) {
+        let samples = write_complex32s(samples, &mut bytes).expect("a short pulse");
+        say(&Command::Pulse {
+            pulse: *pulse,
+            encoding: Encoding::Complex32,
+            samples,
+        });
+    }
+    for command in [Command::Status, Command::Stop] {
         say(&command);
     }
     wire.bytes
@@ -231,7 +282,8 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let answers = super::endpoint::Bench::new().hear(&increments());
     let shown = super::endpoint::Bench::new().hear(&profiles());
     let talks = [commands(), reports(), rare.bytes, increments(), answers];
-    [&talks[..], &[profiles(), shown]].concat()
+    let found = super::endpoint::Bench::new().hear(&cancellation());
+    [&talks[..], &[profiles(), shown, cancellation(), found]].concat()
 }
 
 /// Read one frame; pushes a description that does not depend on how its bytes were split.

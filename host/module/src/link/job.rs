@@ -9,6 +9,7 @@
 //! **Cost**: one pass over the recording to find the scale; 64 pulses of each channel in memory.
 
 use num_complex::Complex32;
+use subaperture_core::dpca::Dpca;
 use subaperture_core::link::{Encoding, write_complex32s, write_sc16s};
 use subaperture_core::stream::{MapHeader, Patch, Setup};
 use subaperture_core::{Pulse, Sc16};
@@ -125,6 +126,8 @@ impl Wanted<'_> {
 pub struct PulseSource<'a> {
     channels: Vec<&'a dyn PhaseHistory>,
     slow_weights: Vec<f32>,
+    /// Clutter cancellation whose weights replace the slow-time weights, and number of pulses of a sub-CPI.
+    displaced: Option<(Dpca, u16)>,
     encoding: Encoding,
     /// Whether the samples come from the front end of the module, and the recording provides the geometry only.
     from_front_end: bool,
@@ -181,6 +184,7 @@ impl<'a> PulseSource<'a> {
         let mut source = Self {
             channels: channels.to_vec(),
             slow_weights: slow_weights.iter().map(|&weight| weight as f32).collect(),
+            displaced: None,
             encoding,
             from_front_end: false,
             scale: 1.0,
@@ -226,6 +230,26 @@ impl<'a> PulseSource<'a> {
         })
     }
 
+    /// Replace the slow-time weights by those of a clutter cancellation, in sub-CPIs of `num_pulses` pulses ([`Dpca::weight`]).
+    #[must_use]
+    pub fn displaced(self, dpca: &Dpca, num_pulses: u16) -> Self {
+        Self {
+            displaced: Some((*dpca, num_pulses.max(1))),
+            ..self
+        }
+    }
+
+    /// Slow-time weight of a pulse in a channel.
+    fn slow_weight(&self, index: usize, channel: usize) -> f32 {
+        let Some((dpca, num_pulses)) = &self.displaced else {
+            return self.slow_weights[index];
+        };
+        let place = index % usize::from(*num_pulses);
+        let rest = self.slow_weights.len() - (index - place);
+        let count = rest.min(usize::from(*num_pulses));
+        dpca.weight(channel as u16, place as u16, count as u16)
+    }
+
     /// Whether the samples come from the front end of the module.
     pub fn is_from_front_end(&self) -> bool {
         self.from_front_end
@@ -256,7 +280,7 @@ impl<'a> PulseSource<'a> {
         self.encoding
     }
 
-    /// Sum of the slow-time weights of all pulses of a channel.
+    /// Sum of the given slow-time weights of all pulses of a channel.
     pub fn weight_sum(&self) -> f64 {
         self.slow_weights
             .iter()
@@ -307,7 +331,7 @@ impl<'a> PulseSource<'a> {
             transmitter_m: about.transmitter_m.to_array(),
             receiver_m: about.receiver_m.to_array(),
             reference_path_m: about.reference_path_m,
-            weight: self.slow_weights[index],
+            weight: self.slow_weight(index, channel),
         };
         if self.from_front_end {
             return Ok((pulse, &[]));

@@ -59,7 +59,8 @@ pub use job::{Job, PulseSource};
 pub use open::open;
 pub use place::{Firmware, ModuleAddress, ModuleAddressError};
 pub use products::{
-    AccumulatedImage, ChannelDetection, DetectionSink, ImageRequest, ImageSum, MapSink, Request,
+    AccumulatedImage, ChannelDetection, DetectionSink, Detector, ImageRequest, ImageSum, MapSink,
+    Request,
 };
 pub use profiles::{Profile, ProfileRun, Profiles, SweepBurst, SweepSource};
 pub use rehearsal::rehearse;

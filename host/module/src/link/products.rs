@@ -2,6 +2,7 @@
 
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Detection};
+use subaperture_core::dpca::Dpca;
 use subaperture_core::link::{
     AssembledChip, AssembledMap, ChipGrid, PixelEncoding, Report, detections,
 };
@@ -14,9 +15,19 @@ pub enum Request<'a> {
     /// Maps of all patches.
     Maps,
     /// Detections on the maps with these settings.
-    Detections(Cfar),
+    Detections(Detector),
     /// Image of all sub-CPIs.
     Image(ImageRequest<'a>),
+}
+
+/// Detector of a module.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detector {
+    /// Guard and training cells, and probability of a false alarm.
+    pub cfar: Cfar,
+    /// Clutter cancellation of the two channels of the job, if any. Its pulses need the weights of
+    /// [`PulseSource::displaced`](super::PulseSource::displaced).
+    pub dpca: Option<Dpca>,
 }
 
 /// Image requested from a module.
@@ -44,7 +55,7 @@ pub enum ImageSum {
 /// Requested products of a job, with the receiver of each.
 pub(super) enum Products<'c> {
     Maps(&'c mut dyn MapSink),
-    Detections(Cfar, &'c mut dyn DetectionSink),
+    Detections(Detector, &'c mut dyn DetectionSink),
     Image(ImageRequest<'c>, &'c mut AccumulatedImage),
 }
 
@@ -53,7 +64,7 @@ impl<'c> Products<'c> {
     pub(super) fn request(&self) -> Request<'c> {
         match self {
             Self::Maps(_) => Request::Maps,
-            Self::Detections(cfar, _) => Request::Detections(*cfar),
+            Self::Detections(detector, _) => Request::Detections(*detector),
             Self::Image(request, _) => Request::Image(*request),
         }
     }
@@ -62,7 +73,7 @@ impl<'c> Products<'c> {
     pub(super) fn by_ref(&mut self) -> Products<'_> {
         match self {
             Self::Maps(sink) => Products::Maps(&mut **sink),
-            Self::Detections(cfar, sink) => Products::Detections(*cfar, &mut **sink),
+            Self::Detections(detector, sink) => Products::Detections(*detector, &mut **sink),
             Self::Image(request, image) => Products::Image(*request, image),
         }
     }
@@ -89,9 +100,9 @@ impl MapSink for DiscardMaps {
 /// Detection as received: with the value of each channel's map at the nearest cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelDetection {
-    /// Detection on the map of channel 0.
+    /// Detection on the map of channel 0, or on the difference of both channels if the clutter is cancelled.
     pub detection: Detection,
-    /// Values by channel.
+    /// Values by channel, aligned if the clutter is cancelled.
     pub values: Vec<Complex32>,
 }
 

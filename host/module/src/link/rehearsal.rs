@@ -86,7 +86,11 @@ pub fn rehearse(
         };
         let ending = match request {
             Request::Maps => session.transfer(&mut part, &mut clock, watch).ending,
-            Request::Detections(cfar) => session.detect(&mut part, &cfar, &mut clock, watch).ending,
+            Request::Detections(detector) => {
+                session
+                    .detect(&mut part, &detector, &mut clock, watch)
+                    .ending
+            }
             Request::Image(image) => {
                 let start = Instant::now();
                 let (outcome, _) = session.accumulate(&mut part, image, watch);

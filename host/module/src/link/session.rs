@@ -9,7 +9,6 @@
 
 use std::time::{Duration, Instant};
 
-use subaperture_core::cfar::Cfar;
 use subaperture_core::link::{
     Command, Event as ModuleEvent, LinkCounters, Receiver, Report, max_received_bytes,
 };
@@ -22,7 +21,7 @@ use super::intake::Intake;
 use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MAX_SAMPLES};
 use super::products::{
-    AccumulatedImage, DetectionSink, DiscardMaps, ImageRequest, MapSink, Products,
+    AccumulatedImage, DetectionSink, Detector, DiscardMaps, ImageRequest, MapSink, Products,
 };
 use super::settings::Settings;
 use super::transport::Transport;
@@ -170,11 +169,11 @@ impl<'b> Session<'b> {
     pub fn detect(
         &mut self,
         job: &mut Job<'_>,
-        cfar: &Cfar,
+        detector: &Detector,
         sink: &mut dyn DetectionSink,
         watch: &mut dyn SessionObserver,
     ) -> Outcome {
-        self.conduct(job, Products::Detections(*cfar, sink), watch)
+        self.conduct(job, Products::Detections(*detector, sink), watch)
     }
 
     /// Accumulate the maps of `job`, which are not sent, into the image of `request`. The

@@ -18,8 +18,9 @@
 //! | link, row | `8 F` | the same |
 //!
 //! This is all static memory of a firmware of these sizes except for its options: `32 F + 1024` for detections
-//! ([`RamBudget::detections_bytes`]), and [`image_bytes`] for an image that the module accumulates. Code and stack are not
-//! counted.
+//! ([`RamBudget::detections_bytes`]), `8 (rows + 1) F` for the map that a clutter cancellation keeps ([`RamBudget::dpca_bytes`]), and
+//! [`image_bytes`] for an image that the module accumulates. The kept map and the pixels of the image share a buffer. Code and stack are
+//! not counted.
 //!
 //! **Accuracy**: exact, verified by `tests/stream/memory.rs` against the types that the firmware declares.
 
@@ -63,6 +64,9 @@ pub struct RamBudget {
     pub total_bytes: u64,
     /// Additional bytes for detections.
     pub detections_bytes: u64,
+    /// Additional bytes for detections after clutter cancellation of two channels: the map of the first channel and a row of ratios, in
+    /// complex float32. A firmware with [`image_bytes`] of as many pixels has them already.
+    pub dpca_bytes: u64,
 }
 
 impl RamBudget {
@@ -109,6 +113,7 @@ impl RamBudget {
             total_bytes: buffers.iter().map(|buffer| buffer.bytes).sum(),
             buffers,
             detections_bytes: (size_of::<Column>() * frequencies) as u64 + VALUES_BYTES,
+            dpca_bytes: (COMPLEX_BYTES * (rows + 1) * frequencies) as u64,
         }
     }
 }
@@ -179,6 +184,7 @@ mod tests {
         assert_eq!(bytes(&float), [&engine[..], &link].concat());
         assert_eq!(float.total_bytes, 358_512 + 10_594);
         assert_eq!(float.detections_bytes, 32 * 424 + 1024);
+        assert_eq!(float.dpca_bytes, 8 * 42 * 424);
         assert_eq!(image_bytes(1000, 4, 9), 8000 + 352 + 2);
         // 14 blocks and one; 41 * (1696 + 15) + 424 = 70 575, rounded up.
         let fixed = RamBudget::new(&capacity, Arithmetic::Fixed);

@@ -61,7 +61,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     with_module(session, line, num_samples, &mut watch, |module, watch| {
         let identity = module.identity().clone();
         let plan = plan(session, typed, &channels, &grid, &identity, product)?;
-        let work = Work::new(session, typed, &channels, &grid, &plan, product);
+        let work = Work::new(session, typed, &channels, &grid, &plan, product)?;
         let mut job = work.job()?;
         if typed.rehearsal.dry_run {
             return work.rehearse(module, &job, watch);
@@ -92,6 +92,7 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
             typed.false_alarms.is_some(),
             &["detections"],
         ),
+        ("--dpca", typed.dpca, &["detections"]),
         ("--range", typed.range.is_some(), &["increments"]),
         ("--channel", typed.input.channel.is_some(), PLANNED),
         ("--channels", typed.input.channels.is_some(), RECORDING),
@@ -109,6 +110,13 @@ fn check_options(typed: &Link) -> Result<(), Usage> {
                 expected.join(" or ")
             )));
         }
+    }
+    if typed.dpca && other_slow_window {
+        return Err(Usage(
+            "--slow-window: expected no other window with --dpca, whose Hann window is displaced by the lag of the second channel: leave it \
+             out"
+            .to_owned(),
+        ));
     }
     let paced = typed.rate.is_some() || typed.front_end;
     if typed.picture.is_some() && typed.send == Sent::Image && paced {

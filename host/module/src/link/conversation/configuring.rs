@@ -1,7 +1,7 @@
 //! Configuration of a module before a run, one setting after another.
 //!
 //! ```text
-//! Abort ──> Configure ──> Weights(0..) ──> Patch(0..) ──> Chip(0..), Power | Detect ──> Ready
+//! Abort ──> Configure ──> Weights(0..) ──> Patch(0..) ──> Chip(0..), Power | Dpca, Detect ──> Ready
 //! ```
 //!
 //! Each setting is a request: its command is repeated until the module's status confirms it.
@@ -12,7 +12,7 @@ use subaperture_core::link::{
 use subaperture_core::stream::{Patch, Setup};
 
 use crate::link::ending::LinkError;
-use crate::link::products::{ImageSum, Request};
+use crate::link::products::{Detector, ImageSum, Request};
 
 /// Number of weights per message: few, since short frames are less likely to be hit by line noise.
 const WEIGHTS_A_FRAME: usize = 32;
@@ -73,6 +73,8 @@ pub(super) enum Setting {
     Chip(usize),
     /// Request the power of the sub-CPIs in place of their coherent sum.
     Power,
+    /// Send the settings of the clutter cancellation.
+    Dpca,
     /// Send the settings of the detector.
     Detect,
     /// Confirm that everything was received.
@@ -90,7 +92,11 @@ impl Setting {
         };
         let chip = |n: usize| image.is_some_and(|image| n < image.chips.len());
         let power = image.is_some_and(|image| image.sum == ImageSum::Power);
-        let detects = matches!(job_settings.request, Request::Detections(_));
+        let detector = match job_settings.request {
+            Request::Detections(detector) => Some(detector),
+            _ => None,
+        };
+        let cancels = detector.is_some_and(|detector| detector.dpca.is_some());
         match self {
             Self::Abort => Some(Self::Configure),
             Self::Configure if weights(0) => Some(Self::Weights(0)),
@@ -100,13 +106,15 @@ impl Setting {
             Self::Patch(_) if chip(0) => Some(Self::Chip(0)),
             Self::Chip(n) if chip(n + 1) => Some(Self::Chip(n + 1)),
             Self::Chip(_) if power => Some(Self::Power),
-            Self::Patch(_) if detects => Some(Self::Detect),
+            Self::Patch(_) if cancels => Some(Self::Dpca),
+            Self::Patch(_) | Self::Dpca if detector.is_some() => Some(Self::Detect),
             Self::Ready => None,
             Self::Configure
             | Self::Weights(_)
             | Self::Patch(_)
             | Self::Chip(_)
             | Self::Power
+            | Self::Dpca
             | Self::Detect => Some(Self::Ready),
         }
     }
@@ -141,11 +149,19 @@ impl Setting {
                 patch: job_settings.patches[n],
             },
             Self::Power => Command::Power,
-            Self::Chip(_) | Self::Detect | Self::Ready => match (self, job_settings.request) {
-                (Self::Chip(n), Request::Image(image)) => Command::Chip(image.chips[n]),
-                (Self::Detect, Request::Detections(cfar)) => Command::Detect(cfar),
-                _ => Command::Status,
-            },
+            Self::Chip(_) | Self::Dpca | Self::Detect | Self::Ready => {
+                match (self, job_settings.request) {
+                    (Self::Chip(n), Request::Image(image)) => Command::Chip(image.chips[n]),
+                    (Self::Detect, Request::Detections(detector)) => Command::Detect(detector.cfar),
+                    (
+                        Self::Dpca,
+                        Request::Detections(Detector {
+                            dpca: Some(dpca), ..
+                        }),
+                    ) => Command::Dpca(dpca),
+                    _ => Command::Status,
+                }
+            }
         }
     }
 
@@ -156,9 +172,12 @@ impl Setting {
             Self::Configure => Ok(status.configuration == id),
             _ if status.configuration != id => Err(LinkError::Restarted),
             Self::Ready => Ok(status.state == ModuleState::Ready),
-            Self::Weights(_) | Self::Patch(_) | Self::Chip(_) | Self::Power | Self::Detect => {
-                Ok(true)
-            }
+            Self::Weights(_)
+            | Self::Patch(_)
+            | Self::Chip(_)
+            | Self::Power
+            | Self::Dpca
+            | Self::Detect => Ok(true),
         }
     }
 

@@ -8,7 +8,7 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::TEXT_MARK;
 use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::module::detections::{LocatedDetection, Locator};
-use subaperture::module::link::{self, ChannelDetection, DetectionSink, Job, SinkError};
+use subaperture::module::link::{self, ChannelDetection, DetectionSink, Detector, Job, SinkError};
 use subaperture::phase_history::Collection;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 
@@ -62,12 +62,15 @@ impl DetectionSink for Locating<'_> {
 
 impl Work<'_> {
     /// Settings of the detector.
-    pub(super) fn cfar(&self) -> Cfar {
+    pub(super) fn detector(&self) -> Detector {
         let [range, doppler] = WINDOWS;
-        Cfar {
-            range,
-            doppler,
-            false_alarm_probability: self.typed.false_alarms.unwrap_or(FALSE_ALARMS),
+        Detector {
+            cfar: Cfar {
+                range,
+                doppler,
+                false_alarm_probability: self.typed.false_alarms.unwrap_or(FALSE_ALARMS),
+            },
+            dpca: self.dpca,
         }
     }
 
@@ -85,17 +88,17 @@ impl Work<'_> {
             .map(|channel| channel.collection())
             .collect();
         let mut sink = Locating {
-            locator: Locator::new(&channels, self.grid, self.plan),
+            locator: Locator::new(&channels, self.grid, self.plan).aligned(self.dpca),
             located: Vec::new(),
         };
-        let outcome = module.detect(job, &self.cfar(), &mut sink, watch);
+        let outcome = module.detect(job, &self.detector(), &mut sink, watch);
         watch.bar.finish();
         let (maps, mut located) = (outcome.counts.maps_taken, sink.located);
         located.sort_by_key(|detection| (detection.sub_cpi, detection.patch));
         let (mut content, mut files) = (None, Vec::new());
         if maps > 0 {
             let scale = f64::from(job.pulses.amplitude_scale()).powi(2);
-            let list = csv(&located, channels.len(), scale);
+            let list = csv(&located, channels.len(), self.dpca.is_some(), scale);
             write_atomically(&self.typed.out, list.len() as u64, |file| {
                 file.write_all(list.as_bytes())
             })?;
@@ -112,9 +115,9 @@ impl Work<'_> {
     }
 }
 
-/// Table of the detections, with power and phase of each channel. Powers are divided by `scale`, the factor by which the module's
+/// Table of the detections, with power and phase of each channel, and the radial velocity if the clutter was cancelled. Powers are divided by `scale`, the factor by which the module's
 /// pulses are stronger than the recording.
-fn csv(located: &[LocatedDetection], num_channels: usize, scale: f64) -> String {
+fn csv(located: &[LocatedDetection], num_channels: usize, cancelled: bool, scale: f64) -> String {
     let mut text = format!(
         "# {TEXT_MARK} {}; position of a target at rest, and phases without that of such a target\n\
          sub_cpi,patch,time_s,range_bin,doppler_bin,path_m,path_rate_m_s,x_m,y_m,z_m,power_db,snr_db",
@@ -123,6 +126,9 @@ fn csv(located: &[LocatedDetection], num_channels: usize, scale: f64) -> String 
     for number in 1..=num_channels {
         // Writing to a string cannot fail.
         let _ = write!(text, ",power_{number}_db,phase_{number}_rad");
+    }
+    if cancelled {
+        text.push_str(",radial_velocity_m_s");
     }
     text.push('\n');
     for one in located {
@@ -150,6 +156,14 @@ fn csv(located: &[LocatedDetection], num_channels: usize, scale: f64) -> String 
             let (power_db, phase_rad) = (power_db(channel.power), channel.phase_rad);
             let phase_rad = phase_rad.map_or_else(String::new, |phase| format!("{phase:.6}"));
             let _ = write!(text, ",{power_db:.3},{phase_rad}");
+        }
+        if cancelled {
+            let velocity = one.radial_velocity_m_s;
+            let _ = write!(
+                text,
+                ",{}",
+                velocity.map_or_else(String::new, |v| format!("{v:.6}"))
+            );
         }
         text.push('\n');
     }

@@ -2,17 +2,19 @@
 
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::npy;
 use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::module::detections::lag_pulses;
 use subaperture::module::link::{self, HostCore, Identity, Job, PulseSource, Request, Verified};
 use subaperture::module::maps::{Arithmetic, Run};
 use subaperture::module::maps_file as maps;
 use subaperture::module::maps_file::{MAX_MAPS, MapWriter};
 use subaperture::module::plan::{ModuleCapacity, ModulePlan, ModuleProduct, Requirements};
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
+use subaperture_core::dpca::Dpca;
 use subaperture_core::link as wire;
 
 use super::outcome::{Received, closing, report};
@@ -34,9 +36,23 @@ pub(super) fn plan(
     identity: &Identity,
     product: ModuleProduct,
 ) -> anyhow::Result<ModulePlan> {
+    let mut capacity = identity.capacity;
+    if typed.dpca {
+        // The map of the first channel and a row are kept among the pixels of an image.
+        let rows = identity.image.pixels / u32::from(capacity.frequencies.max(1));
+        let rows = u16::try_from(rows).unwrap_or(u16::MAX).saturating_sub(1);
+        if rows == 0 {
+            bail!(
+                "--dpca: expected a module with room for at least {} pixels, found {}: use a firmware of another size",
+                2 * u32::from(capacity.frequencies),
+                identity.image.pixels
+            );
+        }
+        capacity.doppler_bins = capacity.doppler_bins.min(rows);
+    }
     let requirements = Requirements {
         error_db: module_error_db(typed.error_db, product),
-        room: ModuleCapacity::Built(identity.capacity),
+        room: ModuleCapacity::Built(capacity),
         arithmetic: match identity.arithmetic {
             wire::Arithmetic::Float => Arithmetic::Float,
             wire::Arithmetic::Fixed => Arithmetic::Fixed,
@@ -76,6 +92,17 @@ pub(super) fn normalised(weights: &[f64]) -> Vec<f32> {
     weights.iter().map(|w| (w / sum) as f32).collect()
 }
 
+/// Clutter cancellation of two channels by their lag along the track.
+fn cancellation(channels: &[&dyn PhaseHistory], plan: &ModulePlan) -> anyhow::Result<Dpca> {
+    let channels = channels.iter().map(|channel| channel.collection());
+    let channels: Vec<&Collection> = channels.collect();
+    let dpca = Dpca {
+        lag_pulses: lag_pulses(&channels)?,
+    };
+    dpca.check(&plan.setup)?;
+    Ok(dpca)
+}
+
 /// Work of the module.
 pub(super) struct Work<'w> {
     pub(super) session: &'w Session,
@@ -90,6 +117,8 @@ pub(super) struct Work<'w> {
     /// Weights by frequency; they sum to 1.
     fast_weights: Vec<f32>,
     slow_weights: Vec<f64>,
+    /// Clutter cancellation, if requested.
+    pub(super) dpca: Option<Dpca>,
 }
 
 impl<'w> Work<'w> {
@@ -100,14 +129,18 @@ impl<'w> Work<'w> {
         grid: &'w ImageGrid,
         plan: &'w ModulePlan,
         product: ModuleProduct,
-    ) -> Self {
+    ) -> anyhow::Result<Self> {
         let history = channels[0];
+        let dpca = match typed.dpca {
+            true => Some(cancellation(channels, plan).context("--dpca")?),
+            false => None,
+        };
         let weights = Weights::new(
             history.collection(),
             typed.windows.window,
             typed.windows.slow_window,
         );
-        Self {
+        Ok(Self {
             session,
             typed,
             channels,
@@ -117,19 +150,24 @@ impl<'w> Work<'w> {
             product,
             fast_weights: normalised(&weights.fast),
             slow_weights: weights.slow,
-        }
+            dpca,
+        })
     }
 
     pub(super) fn job(&self) -> anyhow::Result<Job<'w>> {
         let (channels, weights) = (self.channels, &self.slow_weights);
         let encoding = self.plan.arithmetic.encoding();
+        let pulses = match self.typed.front_end {
+            true => PulseSource::from_front_end(channels, weights)?,
+            false => PulseSource::new(channels, weights, encoding)?,
+        };
         Ok(Job {
             setup: self.plan.setup,
             fast_weights: self.fast_weights.clone(),
             patches: self.plan.patches.clone(),
-            pulses: match self.typed.front_end {
-                true => PulseSource::from_front_end(channels, weights)?,
-                false => PulseSource::new(channels, weights, encoding)?,
+            pulses: match &self.dpca {
+                Some(dpca) => pulses.displaced(dpca, self.plan.setup.num_pulses),
+                None => pulses,
             },
         })
     }
@@ -145,7 +183,7 @@ impl<'w> Work<'w> {
         let chips;
         let request = match self.product {
             ModuleProduct::Maps => Request::Maps,
-            ModuleProduct::Detections => Request::Detections(self.cfar()),
+            ModuleProduct::Detections => Request::Detections(self.detector()),
             ModuleProduct::Image => {
                 chips = self.chips(module.identity())?;
                 Request::Image(self.image(&chips))

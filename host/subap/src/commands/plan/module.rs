@@ -368,6 +368,12 @@ impl Sheet<'_> {
             "in addition: detections".to_owned(),
             plan.ram.detections_bytes.to_string(),
         ]);
+        if plan.setup.num_channels == 2 {
+            memory.push(vec![
+                "in addition: map kept by --dpca".to_owned(),
+                plan.ram.dpca_bytes.to_string(),
+            ]);
+        }
         text::table(&["memory", "bytes"], &memory)
     }
 }
