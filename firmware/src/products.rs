@@ -72,7 +72,7 @@ impl Chip {
     }
 }
 
-/// Map products of a configuration.
+/// Map products of a configuration. With clutter cancellation the pixels hold the map of channel 0 until that of channel 1 is searched.
 ///
 /// A sub-CPI counts as accumulated once the maps of all its patches were added to their chips. In between,
 /// [`Products::is_partial`] holds, and the run must not end.
@@ -353,6 +353,7 @@ impl<'a> Products<'a> {
                 // A map that is too wide gets no columns and thus no detections.
                 let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
                 let found = &mut self.detections;
+                // Two instances of the search: one that chooses at every cell takes a third more instructions.
                 let more = match &self.dpca {
                     None => search.step_in_map(map, columns, found),
                     Some(dpca) => {

@@ -324,7 +324,19 @@ velocity = "125, 0, 0 m/s"
         serde_json::json!([18, 18 + 32 * (16 + 2 * 8)])
     );
     let text = run(folder.path(), &format!("{line} --channels all"));
-    assert!(text.succeeded().contains("64 pulses in 2 channels"));
+    let text = text.succeeded();
+    assert!(text.contains("64 pulses in 2 channels"));
+    // The kept map and a row of ratios, 8 bytes each.
+    let size = |name: &str| two["capacity"][name].as_u64().unwrap();
+    let kept = 8 * (size("doppler_bins") + 1) * size("frequencies");
+    assert_eq!(two["ram"]["dpca_bytes"], kept);
+    let row = text
+        .lines()
+        .find(|line| line.contains("map kept by --dpca"));
+    assert!(
+        row.is_some_and(|row| row.contains(&kept.to_string())),
+        "{text}"
+    );
     let maps = run(
         folder.path(),
         "plan module two.cphd --ram 512K --channels all",

@@ -102,6 +102,21 @@ fn wrong_usage_is_refused_and_leaves_no_file() {
             vec!["--false-alarms"],
         ),
         (
+            "link emulate a.cphd -o a.maps --dpca",
+            2,
+            vec!["--dpca", "detections, found --send maps"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send detections --dpca",
+            2,
+            vec!["--dpca", "expected 2 channels, found 1", "--channels"],
+        ),
+        (
+            "link emulate a.cphd -o a.csv --send detections --dpca --slow-window hamming",
+            2,
+            vec!["--slow-window", "--dpca"],
+        ),
+        (
             "link emulate a.cphd -o a.maps --range 1m:9m",
             2,
             vec!["--range", "expected --send increments, found --send maps"],

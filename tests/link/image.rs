@@ -7,12 +7,15 @@
 use std::time::Duration;
 
 use subaperture::module::accumulated::by_host_core;
+use subaperture::module::detections::lag_pulses;
 use subaperture::module::link::{
     AccumulatedImage, Buffers, ChannelDetection, Counts, DetectionSink, Detector, HostCore,
     ImageRequest, LinkError, Outcome, Session, SessionObserver, Settings, SinkError, TransferEnd,
 };
 use subaperture::monitor::Silent;
+use subaperture::phase_history::PhaseHistory;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
+use subaperture_core::dpca::DpcaError;
 use subaperture_core::link::Encoding;
 use subaperture_core::stream::{MapSamples, PatchMap};
 use subaperture_tests::dpca_scene;
@@ -425,6 +428,27 @@ impl DetectionSink for Lists {
         assert!(before.is_none(), "a list came twice");
         Ok(())
     }
+}
+
+#[test]
+fn lag_needs_two_channels_displaced_along_the_track() {
+    let [first, second] = dpca_scene::recordings();
+    let (first, second) = (first.collection(), second.collection());
+    for channels in [&[first][..], &[first, second, first]] {
+        let found = channels.len() as u16;
+        assert_eq!(lag_pulses(channels), Err(DpcaError::Channels { found }));
+    }
+    assert_eq!(lag_pulses(&[first, first]), Err(DpcaError::NoLag));
+    let exchanged = lag_pulses(&[second, first]).unwrap();
+    assert!((exchanged - 0.5).abs() < 2e-3, "{exchanged}");
+    // A radar at rest.
+    let mut still = [first.clone(), second.clone()];
+    for channel in &mut still {
+        let place = channel.pulses[0];
+        channel.pulses.fill(place);
+    }
+    let [first, second] = &still;
+    assert_eq!(lag_pulses(&[first, second]), Err(DpcaError::NotFinite));
 }
 
 #[test]

@@ -28,7 +28,8 @@ impl Difference<'_> {
     }
 
     /// Power `|h x_1 - y_0|^2` of a cell, or `None` outside the map. Row 0 is the lowest Doppler bin, column 0 the nearest range bin.
-    #[inline]
+    // Inlined at every access of a search it would take more flash.
+    #[inline(never)]
     pub fn power(&self, row: usize, column: usize) -> Option<f32> {
         let patch = &self.map.header.patch;
         let bin = |index: usize, reach: u16| (index as i32).wrapping_sub(reach.into());

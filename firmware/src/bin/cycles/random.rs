@@ -2,9 +2,10 @@
 //!
 //! Sizes, patch, chip and detector are drawn within the capacity of the build. A piece is one call of the endpoint; the firmware
 //! reads its receive buffer between two calls. The largest sizes alone do not show the longest piece: chip and detector have
-//! sizes of their own.
+//! sizes of their own. The last setups have two channels, and a clutter cancellation in place of a chip.
 
 use subaperture_core::cfar::{Cfar, TrainingWindow};
+use subaperture_core::dpca::Dpca;
 use subaperture_core::fft;
 use subaperture_core::link::{ChipGrid, Command, Configuration, Encoder, State};
 use subaperture_core::stream::{Patch, Setup};
@@ -12,11 +13,14 @@ use subaperture_firmware::board::{Board, Current};
 use subaperture_firmware::endpoint::Endpoint;
 use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
-use subaperture_firmware::sizes::{DOPPLER_BINS, FREQUENCIES, PULSES, RANGE_BINS};
+use subaperture_firmware::sizes::{DOPPLER_BINS, FREQUENCIES, PIXELS, PULSES, RANGE_BINS};
 
 use crate::run::{Cost, give, pulse_command, weights};
 
-const SETUPS: u32 = 12;
+const SETUPS: u32 = 15;
+
+/// Setups of one channel.
+const SINGLE: u32 = 12;
 
 /// Generator of setups: SplitMix64.
 struct Random(u64);
@@ -60,17 +64,27 @@ pub(crate) fn run(
         let doppler_length = random.within(num_pulses, 2 * PULSES);
         let half = |count: usize| (count - 1) / 2;
         let bins = range_length.min(FREQUENCIES);
-        let patch = Patch {
+        let mut patch = Patch {
             centre_m: [3.0, -2.0, 0.0],
             range_reach: random.within(0, half(bins)) as u16,
             doppler_reach: random.within(0, half(doppler_length.min(DOPPLER_BINS))) as u16,
         };
+        let cancels = id >= SINGLE;
+        let (num_pulses, num_channels) = match cancels {
+            true => ((num_pulses / 2).max(2), 2),
+            false => (num_pulses, 1),
+        };
+        if cancels {
+            // The kept map fits the pixels.
+            let most = half(PIXELS / (patch.num_doppler_bins() + 1));
+            patch.range_reach = patch.range_reach.min(most as u16);
+        }
         let setup = Setup {
             num_pulses: num_pulses as u16,
-            num_channels: 1,
+            num_channels,
             num_frequencies: num_frequencies as u16,
             range_length: range_length as u16,
-            doppler_length: doppler_length as u16,
+            doppler_length: doppler_length.max(num_pulses) as u16,
             start_hz: 9.4e9,
             step_hz: 1.4e6,
         };
@@ -91,8 +105,8 @@ pub(crate) fn run(
         let configuration = Configuration {
             id,
             setup,
-            total_pulses: num_pulses as u32,
-            send_maps: true,
+            total_pulses: num_pulses as u32 * u32::from(num_channels),
+            send_maps: !cancels,
         };
         give(endpoint, encoder, &Command::Configure(configuration), frame)?;
         let weights = Command::Weights {
@@ -106,14 +120,17 @@ pub(crate) fn run(
                 count: 1,
                 patch,
             },
-            Command::Chip(chip),
+            match cancels {
+                true => Command::Dpca(Dpca { lag_pulses: 0.75 }),
+                false => Command::Chip(chip),
+            },
             Command::Detect(detect),
             Command::Start { run: id, first: 0 },
         ] {
             give(endpoint, encoder, &command, frame)?;
         }
         (endpoint.state() == State::Running).then_some(())?;
-        for m in 0..num_pulses {
+        for m in 0..num_pulses * usize::from(num_channels) {
             let command = pulse_command(m, num_frequencies, samples)?;
             let bytes = encoder.encode(&command, frame).ok()?;
             receive.add(meter.measure(board, || endpoint.receive(bytes)).0);

@@ -22,7 +22,7 @@ use subaperture::signal::window::Window;
 
 use self::line::{Line, with_module};
 use self::receiving::Watching;
-use self::work::{Work, plan};
+use self::work::{Work, cancellation, plan};
 use crate::args::{Link, Sent};
 use crate::config::Session;
 use crate::failure::Usage;
@@ -48,6 +48,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     }
     let channels = session.open_for_module(&typed.input, product)?;
     let channels: Vec<&dyn PhaseHistory> = channels.iter().map(|channel| &**channel).collect();
+    let dpca = typed.dpca.then(|| cancellation(&channels)).transpose()?;
     let collection = channels[0].collection();
     let survey = Survey::of(collection).context("the input holds no pulses")?;
     let grid = session.grid(typed.grid.as_ref(), &survey)?;
@@ -61,7 +62,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     with_module(session, line, num_samples, &mut watch, |module, watch| {
         let identity = module.identity().clone();
         let plan = plan(session, typed, &channels, &grid, &identity, product)?;
-        let work = Work::new(session, typed, &channels, &grid, &plan, product)?;
+        let work = Work::new(session, typed, &channels, &grid, &plan, product, dpca)?;
         let mut job = work.job()?;
         if typed.rehearsal.dry_run {
             return work.rehearse(module, &job, watch);

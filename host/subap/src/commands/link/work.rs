@@ -14,7 +14,7 @@ use subaperture::module::maps_file as maps;
 use subaperture::module::maps_file::{MAX_MAPS, MapWriter};
 use subaperture::module::plan::{ModuleCapacity, ModulePlan, ModuleProduct, Requirements};
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
-use subaperture_core::dpca::Dpca;
+use subaperture_core::dpca::{Dpca, DpcaError};
 use subaperture_core::link as wire;
 
 use super::outcome::{Received, closing, report};
@@ -24,6 +24,7 @@ use crate::ahead::Ahead;
 use crate::args::Link;
 use crate::commands::plan::gaps;
 use crate::config::{Session, module_error_db, record_of_run};
+use crate::failure::Usage;
 use crate::{interrupt, messages};
 use subaperture::io::product::record::grid as grid_record;
 
@@ -93,14 +94,17 @@ pub(super) fn normalised(weights: &[f64]) -> Vec<f32> {
 }
 
 /// Clutter cancellation of two channels by their lag along the track.
-fn cancellation(channels: &[&dyn PhaseHistory], plan: &ModulePlan) -> anyhow::Result<Dpca> {
+pub(super) fn cancellation(channels: &[&dyn PhaseHistory]) -> anyhow::Result<Dpca> {
     let channels = channels.iter().map(|channel| channel.collection());
     let channels: Vec<&Collection> = channels.collect();
-    let dpca = Dpca {
-        lag_pulses: lag_pulses(&channels)?,
-    };
-    dpca.check(&plan.setup)?;
-    Ok(dpca)
+    match lag_pulses(&channels) {
+        Ok(lag_pulses) => Ok(Dpca { lag_pulses }),
+        Err(DpcaError::Channels { found }) => Err(Usage(format!(
+            "--dpca: expected 2 channels, found {found}: give two of them by --channels"
+        ))
+        .into()),
+        Err(error) => Err(error).context("--dpca"),
+    }
 }
 
 /// Work of the module.
@@ -129,12 +133,12 @@ impl<'w> Work<'w> {
         grid: &'w ImageGrid,
         plan: &'w ModulePlan,
         product: ModuleProduct,
+        dpca: Option<Dpca>,
     ) -> anyhow::Result<Self> {
         let history = channels[0];
-        let dpca = match typed.dpca {
-            true => Some(cancellation(channels, plan).context("--dpca")?),
-            false => None,
-        };
+        if let Some(dpca) = &dpca {
+            dpca.check(&plan.setup).context("--dpca")?;
+        }
         let weights = Weights::new(
             history.collection(),
             typed.windows.window,
