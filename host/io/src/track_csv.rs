@@ -22,7 +22,7 @@ use glam::{DVec3, EulerRot};
 use crate::estimated_track::EXTRA_COLUMNS;
 use crate::ours::TEXT_MARK;
 
-use subaperture_model::track::{Fix, turned};
+use subaperture_model::track::{Fix, TrackError, turned};
 
 /// Maximum line length in bytes.
 const LONGEST_LINE: u64 = 4096;
@@ -62,6 +62,14 @@ pub enum TrackCsvError {
         line: u64,
         /// Description of the fault.
         what: String,
+    },
+    /// The positions are no smooth motion.
+    #[error("{path}: {source}")]
+    Track {
+        /// Path of the file that failed.
+        path: PathBuf,
+        /// Cause.
+        source: TrackError,
     },
 }
 
@@ -104,16 +112,32 @@ pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
 /// # Errors
 /// As [`read`].
 pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
-    let mut columns = None;
     let mut fixes = Vec::new();
-    each_line(stream, path, LONGEST_LINE, |row| {
+    each_fix(stream, path, |fix| {
+        fixes.push(fix);
+        Ok(())
+    })?;
+    Ok(fixes)
+}
+
+/// Call `take` with every fix of a track. Returns the number of lines.
+///
+/// # Errors
+/// [`TrackCsvError`] with the line, also if `take` returns an error.
+pub(super) fn each_fix(
+    stream: impl BufRead,
+    path: &Path,
+    mut take: impl FnMut(Fix) -> Result<(), String>,
+) -> Result<u64, TrackCsvError> {
+    let mut columns = None;
+    let lines = each_line(stream, path, LONGEST_LINE, |row| {
         let row = row.trim();
         if row.is_empty() || row.starts_with('#') {
             return Ok(());
         }
         match &columns {
             None => columns = Some(Columns::parse(row)?),
-            Some(columns) => fixes.push(columns.fix(row)?),
+            Some(columns) => take(columns.fix(row)?)?,
         }
         Ok(())
     })?;
@@ -127,7 +151,7 @@ pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsv
             ),
         });
     }
-    Ok(fixes)
+    Ok(lines)
 }
 
 /// Call `take` with every line of a track file, without a byte order mark. Returns the number of lines.

@@ -182,7 +182,7 @@ impl<'a> Focusing<'a> {
                 false => Ok(None),
             };
         };
-        let chosen = choose(self.beam, self.history, self.grid, None, self.monitor);
+        let chosen = choose(self.beam, self.history, self.grid, self.monitor);
         let chosen = chosen.map_err(|error| match error {
             EstimateError::Form(error) => error,
             error => FormError::unsuited(error.to_string()),

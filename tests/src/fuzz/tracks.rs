@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use subaperture::io::track_axes::TrackAxes;
-use subaperture::io::{motive, phase_csv, track_csv};
+use subaperture::io::{motive, phase_csv, target_csv, track_csv};
 use subaperture::navigation::{Kind, Log, Options, Place};
 use subaperture::track::{Fix, SampledTrack, Trajectory};
 
@@ -340,7 +340,14 @@ pub(super) fn motive(bytes: &[u8]) -> String {
     }
 }
 
+/// Fixes of a track. As motion of a target the same file is accepted only if its times ascend, and it is finite then.
 pub(super) fn csv(bytes: &[u8]) -> String {
+    if let Ok(displacement) = target_csv::read_from(bytes, Path::new("input.csv")) {
+        let [first_s, last_s] = displacement.span_s().expect("a file has samples");
+        assert!(first_s < last_s);
+        let (moved_m, m_s) = displacement.between(first_s, 0.5 * (first_s + last_s));
+        assert!(moved_m.is_finite() && m_s.is_finite());
+    }
     match track_csv::read_from(bytes, Path::new("input.csv")) {
         Ok(fixes) if fixes.is_empty() => "no fixes".to_owned(),
         Ok(fixes) => follow(&fixes),

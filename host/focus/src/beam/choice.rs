@@ -184,7 +184,7 @@ impl ChosenBeam {
 /// Largest width of an automatic beam, relative to the smallest range of angles over which the pulses see a point of the grid.
 const NARROWER: f64 = 0.7;
 
-/// Choose the beam of an image of `history` on `grid`. `target_m_s` is the velocity of the target in whose frame the geometry is given.
+/// Choose the beam of an image of `history` on `grid`.
 ///
 /// # Errors
 /// [`EstimateError`]: that of [`estimate`], or [`FormError::Unsuited`] if a given or estimated beam does not suit the recording or the grid.
@@ -192,16 +192,15 @@ pub fn choose(
     choice: BeamChoice,
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
-    target_m_s: Option<[f64; 3]>,
     monitor: &dyn Monitor,
 ) -> Result<ChosenBeam, EstimateError> {
-    let mut chosen = limited(choice, history, grid, target_m_s, monitor)?;
+    let mut chosen = limited(choice, history, grid, monitor)?;
     // A beam narrower than the unambiguous interval receives no ambiguities but in its flanks.
     let width = chosen.beam.as_ref().map_or(2.0, |beam| {
         let edges = [-0.5, 0.5].map(|side| libm::sin(beam.squint_rad + side * beam.width_rad));
         edges[1] - edges[0]
     });
-    chosen.ghosts = demanded(history, grid, target_m_s)
+    chosen.ghosts = demanded(history, grid)
         .filter(|demanded| demanded.across.min(width) > demanded.unambiguous)
         .map(|demanded| Ghosts { demanded });
     Ok(chosen)
@@ -212,7 +211,6 @@ fn limited(
     choice: BeamChoice,
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
-    target_m_s: Option<[f64; 3]>,
     monitor: &dyn Monitor,
 ) -> Result<ChosenBeam, EstimateError> {
     let chosen = match choice {
@@ -221,11 +219,11 @@ fn limited(
             width_rad,
             squint_rad,
         } => ChosenBeam::of(Beam {
-            target_m_s,
+            target: history.target().cloned(),
             ..Beam::new(width_rad, squint_rad, BeamSource::Given)
         }),
         BeamChoice::Estimated { near_rad } => {
-            let found = estimate(history, grid, near_rad, target_m_s, monitor)?;
+            let found = estimate(history, grid, near_rad, monitor)?;
             ChosenBeam {
                 ambiguity_rad: (!found.decided).then_some(found.ambiguity_rad),
                 ..ChosenBeam::of(found.beam)
@@ -233,7 +231,7 @@ fn limited(
         }
         BeamChoice::Stated => match history.stated_beam() {
             Ok(Some(beam)) => ChosenBeam::of(beam),
-            Ok(None) => shown(history, grid, target_m_s, monitor)?,
+            Ok(None) => shown(history, grid, monitor)?,
             Err(why) => {
                 return Ok(ChosenBeam::all_pulses(Some(Rejected::Unsuited {
                     source: BeamSource::Stated,
@@ -274,16 +272,15 @@ fn limited(
 fn shown(
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
-    target_m_s: Option<[f64; 3]>,
     monitor: &dyn Monitor,
 ) -> Result<ChosenBeam, EstimateError> {
-    let Some(demanded) = demanded(history, grid, target_m_s) else {
+    let Some(demanded) = demanded(history, grid) else {
         return Ok(ChosenBeam::all_pulses(None));
     };
     if demanded.most <= demanded.unambiguous {
         return Ok(ChosenBeam::all_pulses(None));
     }
-    let found = match estimate(history, grid, None, target_m_s, monitor) {
+    let found = match estimate(history, grid, None, monitor) {
         Ok(found) => found,
         Err(error @ EstimateError::Form(FormError::Cancelled | FormError::Read(_))) => {
             return Err(error);

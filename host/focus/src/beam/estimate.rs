@@ -102,14 +102,10 @@ pub struct Demanded {
 }
 
 /// Compute the range of aspect angles over a grid; `None` for a track that is curved or unevenly sampled.
-pub fn demanded(
-    history: &dyn PhaseHistory,
-    grid: &ImageGrid,
-    target_m_s: Option<[f64; 3]>,
-) -> Option<Demanded> {
+pub fn demanded(history: &dyn PhaseHistory, grid: &ImageGrid) -> Option<Demanded> {
     let collection = history.collection();
     crate::check(collection, grid).ok()?;
-    let track = Track::of(collection, &any(target_m_s)).ok()?;
+    let track = Track::of(collection, &any(history)).ok()?;
     let step_m = track.even_step_m().ok()?;
     let last = track.len() - 1;
     let span = |place_m| (track.sine(0, place_m) - track.sine(last, place_m)).abs();
@@ -135,9 +131,9 @@ pub fn demanded(
     })
 }
 
-fn any(target_m_s: Option<[f64; 3]>) -> Beam {
+fn any(history: &dyn PhaseHistory) -> Beam {
     Beam {
-        target_m_s,
+        target: history.target().cloned(),
         ..Beam::new(1.0, 0.0, BeamSource::Estimated)
     }
 }
@@ -162,12 +158,11 @@ pub fn estimate(
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
     expected_rad: Option<f64>,
-    target_m_s: Option<[f64; 3]>,
     monitor: &dyn Monitor,
 ) -> Result<Estimate, EstimateError> {
     let collection = history.collection();
     crate::check(collection, grid)?;
-    let track = Track::of(collection, &any(target_m_s))?;
+    let track = Track::of(collection, &any(history))?;
     let step_m = track.even_step_m().map_err(EstimateError::NoStrip)?;
     if track.len() < MIN_PULSES {
         return Err(EstimateError::NoStrip(format!(
@@ -220,7 +215,7 @@ pub fn estimate(
             [middle - half, middle + half].map(|sine| libm::asin(sine.clamp(-1.0, 1.0)));
         let within = middle - half > -1.0 && middle + half < 1.0;
         within.then(|| Beam {
-            target_m_s,
+            target: history.target().cloned(),
             ..Beam::new(to - from, 0.5 * (from + to), BeamSource::Estimated)
         })
     };

@@ -32,7 +32,7 @@ pub(super) struct Track<'a> {
 }
 
 impl<'a> Track<'a> {
-    /// Compute the track of a single-channel collection relative to a target that moves at `beam.target_m_s`.
+    /// Compute the track of a single-channel collection relative to a target that moves as `beam.target`.
     pub(super) fn of(collection: &'a Collection, beam: &Beam) -> Result<Self, FormError> {
         let name = &collection.name;
         let count = collection.pulses.len();
@@ -46,13 +46,15 @@ impl<'a> Track<'a> {
             .iter()
             .map(|pulse| pulse.phase_centre_m())
             .collect();
-        let target_m_s = beam.target_m_s.map(DVec3::from_array).unwrap_or_default();
         let first_s = collection.pulses.first().map_or(0.0, |pulse| pulse.time_s);
         // Positions in a frame at rest.
         let at_rest_m: Vec<DVec3> = places_m
             .iter()
             .zip(&collection.pulses)
-            .map(|(place_m, pulse)| place_m + target_m_s * (pulse.time_s - first_s))
+            .map(|(place_m, pulse)| match &beam.target {
+                Some(target) => place_m + target.between(first_s, pulse.time_s).0,
+                None => *place_m,
+            })
             .collect();
         let steps_m = at_rest_m
             .windows(2)

@@ -5,6 +5,8 @@ use std::fmt;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::track::Displacement;
+
 /// Maximum change of the beam's angle to the track over the pulses, as a fraction of the beamwidth. A larger change
 /// makes a beam with directions over time.
 const MAX_TURN: f64 = 0.25;
@@ -26,10 +28,10 @@ pub struct Beam {
     pub squint_rad: f64,
     /// Origin of width and squint.
     pub source: BeamSource,
-    /// Velocity of the target in whose frame the geometry is given, m/s. The velocity of the antennas is that of the geometry plus this one.
+    /// Displacement of the target in whose frame the geometry is given. The antennas move as the geometry does, plus this displacement.
     /// `None` for a frame at rest.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub target_m_s: Option<[f64; 3]>,
+    #[serde(default, alias = "target_m_s", skip_serializing_if = "Option::is_none")]
+    pub target: Option<Displacement>,
     /// Directions of the centre of a rotating beam, ascending in time. Empty for a beam with one squint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aims: Vec<Aim>,
@@ -118,7 +120,7 @@ impl Beam {
             width_rad,
             squint_rad,
             source,
-            target_m_s: None,
+            target: None,
             aims: Vec::new(),
         }
     }

@@ -35,6 +35,7 @@ use num_complex::Complex32;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
+use crate::track::Displacement;
 
 pub use beam::{Aim, Beam, BeamSource, NoBeam, headings};
 pub use block_illumination::BlockIllumination;
@@ -319,6 +320,11 @@ pub trait PhaseHistory: Sync + Send {
     /// [`NoBeam`] if the described patterns give no such beam.
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
         Ok(None)
+    }
+
+    /// Displacement of the target in whose frame the geometry is given; `None` for a frame at rest.
+    fn target(&self) -> Option<&Displacement> {
+        self.inner()?.target()
     }
 
     /// [`Self::stated_beam`]; `None` also where the patterns give no beam.

@@ -57,6 +57,11 @@ impl<const N: usize> Cubic<N> {
         }
     }
 
+    /// Times and values of the points.
+    pub(super) fn points(&self) -> (&[f64], &[[f64; N]]) {
+        (&self.times, &self.values)
+    }
+
     /// First and last time.
     pub(super) fn span(&self) -> (f64, f64) {
         (self.times[0], self.times[self.times.len() - 1])

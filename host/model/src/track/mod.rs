@@ -3,7 +3,7 @@
 //! | track | position | velocity |
 //! |---|---|---|
 //! | [`Linear`], [`Circular`] | smooth | smooth |
-//! | [`Spline`], [`SampledTrack`] | twice continuously differentiable | continuous |
+//! | [`Spline`], [`SampledTrack`], [`Displacement`] | twice continuously differentiable | continuous |
 //! | [`Profile`] | once continuously differentiable | continuous |
 //! | [`Waypoints`], [`Rail`], [`Arc`] | continuous | jumps at waypoints, ends and turns |
 //!
@@ -19,6 +19,7 @@ mod arc;
 mod body;
 mod circular;
 mod cubic;
+mod displacement;
 mod linear;
 mod profile;
 mod rail;
@@ -34,6 +35,7 @@ use crate::SPEED_OF_LIGHT_M_S;
 pub use arc::Arc;
 pub use body::{Pose, Trajectory};
 pub use circular::Circular;
+pub use displacement::Displacement;
 pub use linear::Linear;
 pub use profile::Profile;
 pub use rail::Rail;

@@ -1,6 +1,7 @@
 //! Smooth curve through points passed at given times.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::cubic::Cubic;
 use super::{TrackError, check_knots, heading};
@@ -8,9 +9,36 @@ use crate::track::{Pose, Trajectory};
 
 /// Smooth curve through points passed at given times: a natural cubic spline with continuous acceleration, straight
 /// before and after. The heading is along the velocity.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Points", into = "Points")]
 pub struct Spline {
     curve: Cubic<3>,
+}
+
+/// Points of a spline, its serialised form.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Points {
+    times_s: Vec<f64>,
+    positions_m: Vec<DVec3>,
+}
+
+impl TryFrom<Points> for Spline {
+    type Error = TrackError;
+
+    fn try_from(points: Points) -> Result<Self, TrackError> {
+        Self::new(points.times_s, &points.positions_m)
+    }
+}
+
+impl From<Spline> for Points {
+    fn from(spline: Spline) -> Self {
+        let (times_s, positions_m) = spline.curve.points();
+        Self {
+            times_s: times_s.to_vec(),
+            positions_m: positions_m.iter().map(|&place| place.into()).collect(),
+        }
+    }
 }
 
 impl Spline {
@@ -24,6 +52,11 @@ impl Spline {
         Ok(Self {
             curve: Cubic::new(times_s, values),
         })
+    }
+
+    /// Time of the first and of the last point, seconds.
+    pub fn span_s(&self) -> [f64; 2] {
+        self.curve.span().into()
     }
 
     /// Position in metres and velocity in metres per second.

@@ -32,7 +32,7 @@ pub(crate) struct Focus {
 
     /// Form the image from the maps of an embedded module instead of a recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "files", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
+        "files", "channel", "channels", "set", "velocity", "motion", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
         "model", "device"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -45,7 +45,7 @@ pub(crate) struct Focus {
     pub(crate) image: Imaging,
 
     #[command(flatten)]
-    pub(crate) motion: TargetMotion,
+    pub(crate) target: TargetMotion,
 
     /// Track that replaces the recorded positions: a file from subap track, with positions and attitudes of the body whose origin is the
     /// middle of the antennas and whose x axis lies along the receivers; mpga, estimated from the recording's own echoes with the defaults
@@ -214,12 +214,17 @@ fn scratch_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::
 }
 
 /// Motion of the target.
-#[derive(Clone, Copy, Debug, Default, Group, Deserialize)]
+#[derive(Clone, Debug, Default, Group, Deserialize)]
 #[serde(default)]
 pub(crate) struct TargetMotion {
     /// Focus targets of this velocity, m/s; pixels are positions at the first pulse [default: stationary]
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
     pub(crate) velocity: Option<DVec3>,
+
+    /// Focus targets that move as in this file: columns time_s, x_m, y_m, z_m over the time of all pulses; pixels are positions at the
+    /// first pulse [default: stationary]
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath, conflicts_with = "velocity")]
+    pub(crate) motion: Option<PathBuf>,
 }
 
 /// Settings that determine the pixels of an image of a recording: the input of a plan.

@@ -35,6 +35,7 @@ use crate::commands::surface;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{stages, text};
+pub(crate) use deliver::auxiliary_file;
 use job::{Job, moving, products, with_history};
 
 /// Form the image and write its folder, complete or not at all.
@@ -102,8 +103,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         let grid = job.grid()?;
         air.report(session, &grid);
         room(typed, &grid)?;
-        let of = (job.history, typed.motion.velocity);
-        let former = beam::former(session, &typed.image, of, &grid)?;
+        let former = beam::former(session, &typed.image, job.history, &grid)?;
         form_and_deliver(&job, &*former, &grid)
     })
 }
@@ -160,8 +160,7 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
     with_history(session, typed, |history, _| {
         let stored = product::open(&typed.out)?;
         let progress = session.progress("checking");
-        let of = (history, typed.motion.velocity);
-        let former = beam::former(session, &typed.image, of, &stored.grid)?;
+        let former = beam::former(session, &typed.image, history, &stored.grid)?;
         let collection = history.collection();
         let task = Task {
             history,

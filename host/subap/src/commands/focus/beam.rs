@@ -1,6 +1,5 @@
 //! Antenna beam of an image: given by options, stated by the recording, or estimated from the Doppler spectrum.
 
-use glam::DVec3;
 use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::{
     Beam, BeamChoice, BeamSource, BeamWarning, ChosenBeam, InBeam, Rejected, choose,
@@ -14,12 +13,11 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::messages;
 
-/// The requested former with the antenna beam for an image of `history` on `grid`; `velocity` is that of the target in whose frame the history is given.
-/// The beam is reported.
+/// The requested former with the antenna beam for an image of `history` on `grid`. The beam is reported.
 pub(crate) fn former(
     session: &Session,
     typed: &Imaging,
-    (history, velocity): (&dyn PhaseHistory, Option<DVec3>),
+    history: &dyn PhaseHistory,
     grid: &ImageGrid,
 ) -> anyhow::Result<Box<dyn ImageFormer>> {
     let plain = typed.forming.former.former()?;
@@ -34,9 +32,8 @@ pub(crate) fn former(
         let fault = format!("--beam and --squint need antennas that move along the track: {error}");
         return Err(Usage(fault).into());
     }
-    let target_m_s = velocity.map(|velocity| velocity.to_array());
     let progress = session.progress("choosing the beam");
-    let chosen = choose(choice, history, grid, target_m_s, &progress)?;
+    let chosen = choose(choice, history, grid, &progress)?;
     progress.finish();
     let coverage = Coverage::of(history.collection(), grid);
     if let Some(warning) = coverage.and_then(|coverage| coverage.warning()) {

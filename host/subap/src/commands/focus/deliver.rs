@@ -95,7 +95,9 @@ impl Job<'_> {
         // A folder of elevation models is named by the relief.
         let ground = surfacing.surface.file().into_iter().chain(geoid);
         let ground = ground.filter(|path| path.is_file());
-        let auxiliary = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
+        let motion = typed.target.motion.as_deref();
+        let auxiliary = track.into_iter().chain(typed.phase.as_deref());
+        let auxiliary = auxiliary.chain(motion).chain(logs);
         for path in auxiliary.chain(ground) {
             inputs.push(auxiliary_file(path)?);
         }
@@ -224,7 +226,7 @@ fn report(
 }
 
 /// Read an auxiliary file for its checksum in the record.
-fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
+pub(crate) fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
     let named = || format!("cannot read {}", path.display());
     let mut file = open_file(path).with_context(named)?;
     let (bytes, crc32) = checksum(&mut file).with_context(named)?;

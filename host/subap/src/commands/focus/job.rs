@@ -2,10 +2,12 @@
 
 use std::time::Instant;
 
+use anyhow::Context;
 use serde_json::Value;
 use subaperture::focus::Numerics;
 use subaperture::focus::moving::Moving;
 use subaperture::geometry::ImageGrid;
+use subaperture::io::target_csv;
 use subaperture::phase_history::PhaseHistory;
 
 use super::{corrected, on_track};
@@ -69,10 +71,14 @@ pub(super) fn moving<'a>(
     recorded: &'a dyn PhaseHistory,
 ) -> anyhow::Result<Option<Moving<'a>>> {
     let first_s = recorded.collection().pulses[0].time_s;
-    let moving = typed
-        .motion
+    let target = &typed.target;
+    if let Some(path) = &target.motion {
+        let moving = Moving::new(recorded, target_csv::read(path)?, first_s);
+        return moving.map(Some).with_context(|| path.display().to_string());
+    }
+    let moving = target
         .velocity
-        .map(|v| Moving::new(recorded, v, first_s));
+        .map(|velocity| Moving::new(recorded, velocity, first_s));
     Ok(moving.transpose()?)
 }
 

@@ -121,8 +121,12 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
         ("squint_deg", json!(image.forming.squint)),
         (
             "velocity_m_s",
-            json!(typed.motion.velocity.map(|v| v.to_array())),
+            json!(typed.target.velocity.map(|v| v.to_array())),
         ),
+        ("motion", {
+            let file = typed.target.motion.as_ref();
+            json!(file.map(|path| path.to_string_lossy()))
+        }),
         ("track", {
             let track = typed.track.as_ref();
             json!(track.map(ToString::to_string))

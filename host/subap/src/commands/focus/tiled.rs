@@ -97,8 +97,7 @@ fn formed(
         }
         None => {
             let grid = job.grid()?;
-            let of = (job.history, typed.motion.velocity);
-            let former = beam::former(session, &typed.image, of, &grid)?;
+            let former = beam::former(session, &typed.image, job.history, &grid)?;
             let weights = weights(&typed.image, &*former, collection, &grid)?;
             let spec = spec(&typed.image, collection, &grid, &weights, job.numerics);
             (plan(session, &typed.image, &*former, &spec)?, former)
@@ -177,7 +176,7 @@ pub(crate) fn plan_recording(
     grid: &ImageGrid,
     numerics: Numerics,
 ) -> anyhow::Result<(Plan, StageCost)> {
-    let former = beam::former(session, typed, (history, None), grid)?;
+    let former = beam::former(session, typed, history, grid)?;
     let collection = history.collection();
     let weights = weights(typed, &*former, collection, grid)?;
     let spec = spec(typed, collection, grid, &weights, numerics);

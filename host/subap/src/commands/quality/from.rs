@@ -1,5 +1,7 @@
 //! `subap quality --from`: points measured on finely sampled chips formed from the recording.
 
+use std::path::Path;
+
 use anyhow::{Context, bail};
 use glam::DVec3;
 use serde_json::Value;
@@ -9,17 +11,20 @@ use subaperture::focus::forecast::Forecast;
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
+use subaperture::io::target_csv;
 use subaperture::phase_history::{Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast;
 use subaperture::quality::response::{Settings, Target, brightest_in, measure};
 use subaperture::resolution::support::{Looks, measured_gains};
 use subaperture::signal::window::Window;
+use subaperture::track::Displacement;
 
 use super::report::{FormedChip, Point};
 use super::source::Source;
 use super::theory::{self, Basis};
 use crate::ahead::{Ahead, reading};
 use crate::args::{Input, Quality, several_channels};
+use crate::commands::focus::auxiliary_file;
 use crate::config::Session;
 use crate::failure::Usage;
 
@@ -37,7 +42,7 @@ pub(super) struct From<'a> {
     session: &'a Session,
     source: &'a Source,
     recorded: Joined,
-    velocity_m_s: Option<DVec3>,
+    target: Option<Displacement>,
     windows: [Window; 2],
 }
 
@@ -57,6 +62,21 @@ fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
         .filter_map(|text| text.as_str()?.split_once('='))
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect()
+}
+
+/// Motion of the image's target from the file at `path`, which must be one of the image's `inputs`, unchanged.
+fn unchanged_motion(path: &str, inputs: &Value) -> anyhow::Result<Displacement> {
+    let file = auxiliary_file(Path::new(path))
+        .context("--from needs the file of the target's motion with which the image was formed")?;
+    let found = serde_json::to_value(&file)?;
+    let mut inputs = inputs.as_array().into_iter().flatten();
+    if !inputs.any(|input| *input == found) {
+        bail!(
+            "{path}: the image was formed with another motion of the target (the checksum of this file is {}): give the same file",
+            file.crc32
+        );
+    }
+    Ok(target_csv::read(Path::new(path))?)
 }
 
 impl<'a> From<'a> {
@@ -103,25 +123,28 @@ impl<'a> From<'a> {
         let numbers = |value: &Value| -> Option<Vec<f64>> {
             value.as_array()?.iter().map(Value::as_f64).collect()
         };
-        let velocity_m_s = match numbers(&given["velocity_m_s"]).as_deref() {
-            Some(&[x, y, z]) => Some(DVec3::new(x, y, z)),
+        let velocity_m_s = numbers(&given["velocity_m_s"]);
+        let target = match (given["motion"].as_str(), velocity_m_s.as_deref()) {
+            (Some(path), _) => Some(unchanged_motion(path, &metadata["inputs"])?),
+            (None, Some(&[x, y, z])) => Some(DVec3::new(x, y, z).into()),
             _ => None,
         };
         Ok(Self {
             session,
             source,
             recorded,
-            velocity_m_s,
+            target,
             windows,
         })
     }
 
-    /// The recording in the frame of the image's velocity, if it has one.
+    /// The recording in the frame of the image's target, if that moves.
     fn moving(&self) -> anyhow::Result<Option<Moving<'_>>> {
         let first_s = self.recorded.collection().pulses[0].time_s;
         let moving = self
-            .velocity_m_s
-            .map(|velocity| Moving::new(&self.recorded, velocity, first_s));
+            .target
+            .clone()
+            .map(|target| Moving::new(&self.recorded, target, first_s));
         Ok(moving.transpose()?)
     }
 

@@ -164,7 +164,9 @@ fn read_by_focus(job: &Job) -> impl Iterator<Item = &Path> {
     let geoid = grid.geoid.as_ref().and_then(|geoid| geoid.file());
     let track = job.focus.track.as_ref().and_then(TrackSource::file);
     let track = track.filter(|_| job.track.is_none() && job.autofocus.is_none());
-    grid.surface.file().into_iter().chain(geoid).chain(track)
+    let motion = job.focus.target.motion.as_deref();
+    let ground = grid.surface.file().into_iter().chain(geoid);
+    ground.chain(track).chain(motion)
 }
 
 fn stamps<'a>(paths: impl Iterator<Item = &'a Path>) -> anyhow::Result<Vec<FileStamp>> {

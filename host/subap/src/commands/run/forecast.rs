@@ -158,8 +158,7 @@ impl Measured {
         let history = air.history();
         let survey = survey(history)?;
         let grid = surface::grid(session, &focus.image, history, || &survey)?;
-        let of = (history, focus.motion.velocity);
-        let former = beam::former(session, &focus.image, of, &grid)?;
+        let former = beam::former(session, &focus.image, history, &grid)?;
         let [fast, slow] = forming.windows.both();
         let progress = session.progress("measuring");
         let mut memory_bytes = 0;

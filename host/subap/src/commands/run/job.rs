@@ -148,7 +148,7 @@ fn focus(sections: Sections, autofocus: Option<&Autofocus>, out: &Path, writing:
             grid: sections.grid,
             model: None,
         },
-        motion: sections.former.motion,
+        target: sections.former.target,
         track: track.map(TrackSource::File),
         logs: Logs::default(),
         phase,

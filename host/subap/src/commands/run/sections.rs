@@ -64,7 +64,7 @@ pub(super) struct FormerSection {
 
     #[command(flatten)]
     #[serde(flatten)]
-    pub(super) motion: TargetMotion,
+    pub(super) target: TargetMotion,
 }
 
 /// `[check]`.
@@ -150,6 +150,11 @@ impl Sections {
             let fault = "autofocus is of the positions as recorded, and [track] replaces them: leave one of the two out";
             faults.push(Fault::new(&autofocus.at, fault));
         }
+        let target = &self.former.target;
+        if target.velocity.is_some() && target.motion.is_some() {
+            let fault = "give either velocity or motion, not both";
+            faults.push(values.section("former").fault("motion", fault));
+        }
         let input = values.section("input");
         if self.input.channel.is_some() && self.input.channels.is_some() {
             faults.push(input.fault("channels", "give either channel or channels, not both"));
@@ -174,7 +179,7 @@ impl Sections {
         let of_track =
             track.flat_map(|track| track.logs.navigation.iter_mut().chain(&mut track.file));
         let paths = self.input.files.iter_mut().chain(&mut self.top.out);
-        for path in paths.chain(of_track) {
+        for path in paths.chain(of_track).chain(&mut self.former.target.motion) {
             *path = job.path(&path);
         }
         if let SurfaceKind::Dem(path) = &mut self.grid.surface {

@@ -106,7 +106,7 @@ fn a_value_of_a_key_is_that_of_its_option() {
     same(&sections.input, &focus.input);
     same(&sections.grid, &focus.image.grid);
     same(&sections.former.forming, &focus.image.forming);
-    same(&sections.former.motion, &focus.motion);
+    same(&sections.former.target, &focus.target);
     same(&sections.picture, &focus.look);
     same(&sections.products.place, &focus.producing.place);
     let autofocus = sections.autofocus.unwrap();
