@@ -48,6 +48,7 @@ mod sources;
 mod spaceborne;
 mod statistics;
 mod surface;
+mod target_motion;
 #[cfg(target_os = "linux")]
 mod thread_limits;
 mod tiles;

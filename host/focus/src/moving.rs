@@ -59,7 +59,7 @@ use subaperture_model::phase_history::{
 use subaperture_model::resolution::support::{self, Projection, path_gradient};
 use subaperture_model::track::Displacement;
 
-/// Time by which pulses may lie outside a sampled displacement, seconds: rounding of times in decimal numbers.
+/// Largest time of a pulse before the first or after the last sample of a displacement, seconds: rounding of decimal times.
 pub const SLACK_S: f64 = 1e-9;
 
 /// Phase history in a frame that moves with a target.

@@ -53,14 +53,11 @@ pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Displacement, Trac
         Ok(())
     })?;
     if times_s.len() < 2 {
-        return Err(TrackCsvError::Line {
-            path: path.to_owned(),
-            line: lines,
-            what: format!(
-                "expected at least two positions, found {} up to the end of the file",
-                times_s.len()
-            ),
-        });
+        let fault = format!(
+            "expected at least two positions, found {} up to the end of the file",
+            times_s.len()
+        );
+        return Err(TrackCsvError::at_line(path, lines, fault));
     }
     Displacement::sampled(times_s, &positions_m).map_err(|source| TrackCsvError::Track {
         path: path.to_owned(),
@@ -91,7 +88,7 @@ mod tests {
 
     #[test]
     fn faults_name_file_line_and_expectation() {
-        for (text, what) in [
+        for (text, start) in [
             ("", "car.csv, line 1: expected a header"),
             (
                 "time_s,x_m,y_m\n0,0,0\n1,0,0\n",
@@ -123,7 +120,7 @@ mod tests {
             ),
         ] {
             let error = displacement(text).unwrap_err();
-            assert!(error.starts_with(what), "{error}");
+            assert!(error.starts_with(start), "{error}");
         }
     }
 }

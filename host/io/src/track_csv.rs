@@ -68,9 +68,20 @@ pub enum TrackCsvError {
     Track {
         /// Path of the file that failed.
         path: PathBuf,
-        /// Cause.
+        /// Fault of the positions or times.
         source: TrackError,
     },
+}
+
+impl TrackCsvError {
+    /// Error of a malformed line.
+    pub(super) fn at_line(path: &Path, line: u64, fault: String) -> Self {
+        Self::Line {
+            path: path.to_owned(),
+            line,
+            what: fault,
+        }
+    }
 }
 
 /// Text of a track, with attitude if the first fix has one.
@@ -142,14 +153,11 @@ pub(super) fn each_fix(
         Ok(())
     })?;
     if columns.is_none() {
-        return Err(TrackCsvError::Line {
-            path: path.to_owned(),
-            line: 1,
-            what: format!(
-                "expected a header such as {}, found the end of the file",
-                PLACE.join(",")
-            ),
-        });
+        let fault = format!(
+            "expected a header such as {}, found the end of the file",
+            PLACE.join(",")
+        );
+        return Err(TrackCsvError::at_line(path, 1, fault));
     }
     Ok(lines)
 }
@@ -185,11 +193,7 @@ pub(super) fn each_line(
             Err(_) => Err("not text".to_owned()),
             Ok(text) => take(text.trim_start_matches('\u{feff}')),
         };
-        taken.map_err(|what| TrackCsvError::Line {
-            path: path.to_owned(),
-            line,
-            what,
-        })?;
+        taken.map_err(|fault| TrackCsvError::at_line(path, line, fault))?;
     }
 }
 

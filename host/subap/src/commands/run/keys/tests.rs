@@ -93,6 +93,9 @@ fn a_value_of_a_key_is_that_of_its_option() {
                 squint = \"-1.5 deg\"\nvelocity = \"36, 0, 0 km/h\"\nscratch = \"1M\"\n[picture]\ntop = \"-10 dB\"\nspan = \"45 dB\"\n\
                 [autofocus]\nmethod = \"map-drift\"\nlooks = 3\n[quality]\nat = [\"1, 2 m\"]\n[products]\nplace = \"40, -86\"\n";
     let (_, sections) = job(text).unwrap();
+    let (_, moving) = job("[input]\nfiles = \"a.cphd\"\n[former]\nmotion = \"car.csv\"\n").unwrap();
+    let motion = moving.former.target.motion.unwrap();
+    assert_eq!(motion, Path::new("/data/car.csv"));
     let line = "subap focus /data/a.cphd /b.cphd --grid x=-1:1:0.5,y=0:2:1 --surface dem:/data/heights -a rdbp --error-db -50 --patch 8 \
                 --slow-window hamming --beam 2deg --squint -1.5deg --velocity 36,0,0km/h --scratch 1M --top -10 --span 45 --out d \
                 --product cog --place 40,-86";
