@@ -76,6 +76,31 @@ fn gmti_finds_the_targets_of_the_example() {
     assert!(!at.join("other.geojson").exists());
 }
 
+/// Integration over sub-CPIs finds the movers of the example at their places.
+#[test]
+fn gmti_integrates_targets_over_sub_cpis() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    simulate(at, "");
+    let line = "gmti gmti.cphd --sub-cpis 26 --max-speed 10 -o t.geojson";
+    let printed = run(at, line).succeeded().to_owned();
+    assert!(printed.contains("3 moving targets"), "{printed}");
+    let record: Value = serde_json::from_slice(&fs::read(at.join("t.geojson")).unwrap()).unwrap();
+    assert_eq!(record["integration"]["sub_cpis"], 26);
+    for feature in record["features"].as_array().unwrap() {
+        let place = [0, 1].map(|i| feature["properties"]["position_m"][i].as_f64().unwrap());
+        let near =
+            |(mover, _): &&([f64; 2], f64)| (place[0] - mover[0]).hypot(place[1] - mover[1]) < 2.0;
+        assert!(MOVERS.iter().find(near).is_some(), "{place:?}");
+    }
+    let refused = "gmti gmti.cphd -o u.geojson --sub-cpis";
+    run(at, &format!("{refused} 300")).failed(1, &["fewer than 300 sub-CPIs"]);
+    run(at, &format!("{refused} 2")).failed(1, &["at least 3 sub-CPIs"]);
+    run(at, &format!("{refused} 26 --doppler-bins 2")).failed(1, &["1, 3 or 5"]);
+    run(at, "gmti gmti.cphd -o u.geojson --max-speed 9").failed(2, &["--sub-cpis"]);
+    assert!(!at.join("u.geojson").exists());
+}
+
 /// Four dwells: the movers of the example are the confirmed tracks, with their velocities.
 #[test]
 fn gmti_tracks_targets_over_dwells() {

@@ -121,13 +121,17 @@ impl Alignment {
     }
 
     /// Time at which a channel passes an along-track position, seconds.
-    fn time_s(&self, channel: usize, along_m: f64) -> f64 {
+    pub(crate) fn time_s(&self, channel: usize, along_m: f64) -> f64 {
+        let (n, part) = self.place(channel, along_m);
+        self.times_s[n] + part * (self.times_s[n + 1] - self.times_s[n])
+    }
+
+    /// Pulse of a channel before an along-track position, and the fraction of the spacing to the next one. The position may be a pulse spacing outside of the track.
+    pub(crate) fn place(&self, channel: usize, along_m: f64) -> (usize, f64) {
         let own = &self.along_m[channel];
-        let n = own
-            .partition_point(|&s| s <= along_m)
-            .clamp(1, own.len() - 1);
-        let part = (along_m - own[n - 1]) / (own[n] - own[n - 1]);
-        self.times_s[n - 1] + part * (self.times_s[n] - self.times_s[n - 1])
+        let after = own.partition_point(|&s| s <= along_m);
+        let n = after.clamp(1, own.len() - 1) - 1;
+        (n, (along_m - own[n]) / (own[n + 1] - own[n]))
     }
 
     fn mean_lag_s(&self, channel: usize) -> f64 {
@@ -204,34 +208,55 @@ impl Alignment {
 
     /// Weights of each channel by windows over frequency and over the section.
     pub fn weights(&self, num_samples: usize, fast: Window, slow: Window) -> Vec<Weights> {
-        let [start_m, end_m] = self.section_m;
+        let of_channel = |channel: usize| Weights {
+            fast: fast.weights(num_samples),
+            slow: self.slow_weights(channel, self.section_m, slow),
+            illumination: None,
+            windows: None,
+        };
+        (0..self.along_m.len()).map(of_channel).collect()
+    }
+
+    /// Weight of each pulse of a channel by a window over a section of the track.
+    pub(crate) fn slow_weights(
+        &self,
+        channel: usize,
+        [start_m, end_m]: [f64; 2],
+        window: Window,
+    ) -> Vec<f64> {
         let (middle_m, length_m) = ((start_m + end_m) / 2.0, end_m - start_m);
-        let shape = slow.shape();
-        let of_channel = |own: &Vec<f64>| {
-            let count = own.len();
-            let mean_m = (own[count - 1] - own[0]) / (count - 1) as f64;
-            let weight = |n: usize| {
-                let before_m = own[n] - own[n.saturating_sub(1)];
-                let after_m = own[(n + 1).min(count - 1)] - own[n];
-                // The first and the last cell are as long on both sides.
-                let (before_m, after_m) = match n {
-                    0 => (after_m, after_m),
-                    _ if n + 1 == count => (before_m, before_m),
-                    _ => (before_m, after_m),
-                };
-                let cell_start_m = (own[n] - before_m / 2.0).max(start_m);
-                let cell_end_m = (own[n] + after_m / 2.0).min(end_m);
-                let covered_m = (cell_end_m - cell_start_m).max(0.0);
-                let u = ((own[n] - middle_m) / length_m).clamp(-0.5, 0.5);
-                shape(u) * covered_m / mean_m
+        let shape = window.shape();
+        let own = &self.along_m[channel];
+        let count = own.len();
+        let mean_m = (own[count - 1] - own[0]) / (count - 1) as f64;
+        let weight = |n: usize| {
+            let before_m = own[n] - own[n.saturating_sub(1)];
+            let after_m = own[(n + 1).min(count - 1)] - own[n];
+            // The first and the last cell are as long on both sides.
+            let (before_m, after_m) = match n {
+                0 => (after_m, after_m),
+                _ if n + 1 == count => (before_m, before_m),
+                _ => (before_m, after_m),
             };
-            Weights {
-                fast: fast.weights(num_samples),
-                slow: (0..count).map(weight).collect(),
-                illumination: None,
-                windows: None,
+            let cell_start_m = (own[n] - before_m / 2.0).max(start_m);
+            let cell_end_m = (own[n] + after_m / 2.0).min(end_m);
+            let covered_m = (cell_end_m - cell_start_m).max(0.0);
+            let u = ((own[n] - middle_m) / length_m).clamp(-0.5, 0.5);
+            match covered_m > 0.0 {
+                true => shape(u) * covered_m / mean_m,
+                false => 0.0,
             }
         };
-        self.along_m.iter().map(of_channel).collect()
+        (0..count).map(weight).collect()
+    }
+
+    /// Section of the track, start and end, that all channels share, metres from the first pulse.
+    pub(crate) fn section_m(&self) -> [f64; 2] {
+        self.section_m
+    }
+
+    /// Along-track positions of the pulses of a channel, metres.
+    pub(crate) fn along_m(&self, channel: usize) -> &[f64] {
+        &self.along_m[channel]
     }
 }

@@ -312,7 +312,7 @@ impl Reader {
 }
 
 /// Read pulses, compensated to `centre_m`.
-fn read_at(
+pub(crate) fn read_at(
     history: &dyn PhaseHistory,
     pulses: Range<usize>,
     centre_m: DVec3,
@@ -344,7 +344,7 @@ fn compensate(pulse: &Pulse, centre_m: DVec3, line: &mut [Complex32]) {
 const RECURRENCE: usize = 64;
 
 /// Multiply sample `k` by `scale exp(+j 2 pi (start + k step))`, start and step in cycles.
-fn rotate(line: &mut [Complex32], [start, step]: [f64; 2], scale: f64) {
+pub(crate) fn rotate(line: &mut [Complex32], [start, step]: [f64; 2], scale: f64) {
     let phasor = |cycles: f64| Complex64::cis(TAU * (cycles - cycles.round()));
     let turn = phasor(step);
     for (i, part) in line.chunks_mut(RECURRENCE).enumerate() {

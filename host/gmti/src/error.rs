@@ -87,6 +87,18 @@ pub enum GmtiError {
         /// Memory available for images, bytes.
         allowed_bytes: u64,
     },
+    /// The range-Doppler maps of all sub-CPIs exceed the memory limit.
+    #[error(
+        "range-Doppler maps of {sub_cpis} sub-CPIs need {needed_bytes} bytes, but {allowed_bytes} are allowed: choose a smaller grid or a lower largest speed"
+    )]
+    SubCpiMemory {
+        /// Number of sub-CPIs of the aperture.
+        sub_cpis: usize,
+        /// Memory of all maps, bytes.
+        needed_bytes: u64,
+        /// Memory available for maps, bytes.
+        allowed_bytes: u64,
+    },
     /// A setting is out of its range, or the training data do not suffice.
     #[error("{0}")]
     Unsuited(String),

@@ -75,8 +75,8 @@ impl Imaging<'_> {
     ) -> Result<ChannelImages, GmtiError> {
         let grid = self.grid;
         let band = balance::shared_band(channels)?;
-        let held_bytes = (channels.len() as u64).saturating_mul(8 * grid.num_pixels());
-        let needed_bytes = held_bytes.saturating_add(DETECTION_BYTES * grid.num_pixels());
+        let held_bytes = self.image_bytes(channels.len());
+        let needed_bytes = self.held_bytes(channels.len());
         if needed_bytes > self.memory_bytes {
             return Err(GmtiError::Memory {
                 channels: channels.len(),
@@ -123,6 +123,17 @@ impl Imaging<'_> {
             weights,
             view,
         })
+    }
+
+    /// Memory of the images of channels, bytes.
+    fn image_bytes(&self, channels: usize) -> u64 {
+        (channels as u64).saturating_mul(8 * self.grid.num_pixels())
+    }
+
+    /// Memory of the images of channels and of their detection, bytes.
+    pub(crate) fn held_bytes(&self, channels: usize) -> u64 {
+        let detection_bytes = DETECTION_BYTES * self.grid.num_pixels();
+        self.image_bytes(channels).saturating_add(detection_bytes)
     }
 
     fn view(

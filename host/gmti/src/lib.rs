@@ -9,10 +9,11 @@
 //!          ─> Imaging: image of each channel ─> registration: baseline, crab ─> ChannelImages
 //!          ─> detection: adaptive matched filter of channel differences ─> StatisticMap
 //!          ─> Target: radial velocity, position, covariance; cross-range velocity by focus
+//!          ─> refocus: image of each target under its own motion ─> Chip
 //!          ─> geojson, stanag4607; tracker: tracks over several recordings or dwells
 //! ```
 //!
-//! [`find`] does all of it. [`adaptive`] contains the statistics with their thresholds and probabilities, for vectors of any kind.
+//! [`find`] does all of it. [`space_time`] detects targets of any velocity in the maps of sub-CPIs instead of the images. [`adaptive`] contains the statistics with their thresholds and probabilities, for vectors of any kind.
 //!
 //! **Signs.** Radial velocities are positive when approaching, and `v = -rate / 2` of the path rate `rate` of a monostatic radar. A target of radial velocity `v` at the range
 //! `R` appears `R v / V` ahead along the track of a radar of speed `V`. Lags are positive for channels behind channel 0. A target has the phase
@@ -32,9 +33,11 @@ mod groups;
 mod images;
 mod interleaved;
 mod motion;
+mod refocus;
 pub mod registration;
 mod report;
 mod sensitivity;
+pub mod space_time;
 pub mod stanag4607;
 mod target;
 pub mod tracker;
@@ -44,6 +47,7 @@ pub use balance::{Balanced, ChannelBalance, MIN_COHERENCE, balance};
 pub use error::GmtiError;
 pub use images::{Cancellation, ChannelImages, Imaging};
 pub use motion::{CrossRange, MAX_CROSS_RANGE_M_S};
+pub use refocus::Chip;
 pub use report::{MovingTargets, find, find_in_dwells};
 pub use sensitivity::{AtVelocity, Sensitivity};
 pub use target::Target;

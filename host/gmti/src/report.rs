@@ -12,6 +12,7 @@ use crate::error::GmtiError;
 use crate::images::{ChannelImages, Imaging};
 use crate::motion::Focus;
 use crate::sensitivity::Sensitivity;
+use crate::space_time::{self, Calibration};
 use crate::target::{Estimator, Target};
 use crate::tracker::{Detection, Scan};
 
@@ -31,7 +32,8 @@ pub struct MovingTargets {
     pub side_lobes: usize,
 }
 
-/// Form registered images of all channels, detect moving targets in them, and estimate their velocities and positions.
+/// Form registered images of all channels, detect moving targets in them, and estimate their velocities and positions. With `integration` the targets are those of
+/// [`space_time::find`], which focuses each under its own motion.
 ///
 /// # Errors
 /// [`GmtiError`].
@@ -39,6 +41,7 @@ pub fn find(
     channels: &Channels,
     imaging: &Imaging,
     settings: &Settings,
+    integration: Option<&space_time::Settings>,
 ) -> Result<MovingTargets, GmtiError> {
     let histories = channels.iter().map(|(_, history)| history.collection());
     let collections: Vec<&Collection> = histories.collect();
@@ -53,6 +56,34 @@ pub fn find(
         settings,
         windows: imaging.windows,
     };
+    if let Some(integration) = integration {
+        let calibration = Calibration::of(&images);
+        // The images remain in memory.
+        let held_bytes = imaging.held_bytes(channels.len());
+        let integration = space_time::Settings {
+            memory_bytes: integration.memory_bytes.saturating_sub(held_bytes),
+            ..*integration
+        };
+        let movers = space_time::find(
+            channels,
+            &alignment,
+            &calibration,
+            imaging.grid,
+            &integration,
+            imaging.monitor,
+        )?;
+        let targets = movers
+            .iter()
+            .map(|mover| estimator.of_mover(mover))
+            .collect();
+        return Ok(MovingTargets {
+            alignment,
+            images,
+            map,
+            targets,
+            side_lobes: 0,
+        });
+    }
     let (mut targets, side_lobes) = estimator.targets(&map)?;
     let focus = Focus {
         channels,
@@ -123,6 +154,7 @@ pub fn find_in_dwells<E: From<GmtiError>>(
     channels: &Channels,
     imaging: &Imaging,
     settings: &Settings,
+    integration: Option<&space_time::Settings>,
     dwell_s: f64,
     mut visit: impl FnMut(MovingTargets) -> Result<(), E>,
 ) -> Result<(), E> {
@@ -134,7 +166,8 @@ pub fn find_in_dwells<E: From<GmtiError>>(
                 .collect(),
         )
         .map_err(ReadError::from);
-        visit(find(&parts.map_err(GmtiError::from)?, imaging, settings)?)?;
+        let parts = parts.map_err(GmtiError::from)?;
+        visit(find(&parts, imaging, settings, integration)?)?;
     }
     Ok(())
 }

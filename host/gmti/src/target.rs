@@ -25,7 +25,7 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::ImageGrid;
+use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::phase_history::Collection;
 use subaperture_model::resolution::theory::expected;
 use subaperture_signal::window::Window;
@@ -39,6 +39,7 @@ use crate::error::GmtiError;
 use crate::groups::groups;
 use crate::images::ChannelImages;
 use crate::motion::{CrossRange, axes};
+use crate::space_time::{Motion, Mover};
 
 /// Level below the strongest pixel of a target, dB, from which its pixels are used.
 const USED_DB: f64 = 10.0;
@@ -61,7 +62,7 @@ const FINE: usize = 8;
 /// Standard deviation of a range, in resolution cells at an SNR of 1: `sqrt(12) / (2 pi sqrt(2))`, of a flat spectrum.
 const RANGE_DEVIATION: f64 = 0.39;
 
-/// Standard deviation of the place of a target in the image along the track, as a fraction of its extent: measured on 240 targets (`tests/scene.rs`).
+/// Standard deviation of the place of a target in the image along the track, as a fraction of its extent: measured on 240 targets (`tests/scene`).
 const EXTENT_DEVIATION: f64 = 0.06;
 
 /// Detected moving target at the middle of the aperture.
@@ -230,6 +231,49 @@ impl Estimator<'_> {
             extent_m,
             num_pixels: pixels.len(),
         })
+    }
+
+    /// Target detected by integration over sub-CPIs.
+    pub(crate) fn of_mover(&self, mover: &Mover) -> Target {
+        let Motion {
+            epoch_s,
+            position_m,
+            velocity_m_s,
+            ..
+        } = mover.motion;
+        let image_m = mover.image_position_m.unwrap_or(position_m);
+        let [row, column] = self.grid.coordinates(image_m);
+        let pixel = |axis: &Axis, value: f64| (value - axis.start) / axis.step;
+        let sight = (position_m - self.images.view.antenna_m()).normalize_or_zero();
+        let plane = [self.grid.x_axis, self.grid.y_axis].map(|axis| -sight.dot(axis));
+        let errors = &mover.covariance;
+        let [velocity_deviation_m_s, cross_deviation_m_s] = mover.velocity_deviations_m_s;
+        let radial = |i: usize| errors[i][2] * plane[0] + errors[i][3] * plane[1];
+        Target {
+            time_s: epoch_s,
+            image_pixel: [
+                pixel(&self.grid.rows, row),
+                pixel(&self.grid.columns, column),
+            ],
+            image_position_m: image_m.to_array(),
+            position_m: Some(position_m.to_array()),
+            covariance_m2: Some([0, 1].map(|i| [errors[i][0], errors[i][1]])),
+            position_velocity_covariance: Some([0, 1].map(radial)),
+            radial_velocity_m_s: mover.radial_velocity_m_s,
+            velocity_deviation_m_s,
+            velocity_ambiguity_m_s: 2.0
+                * unambiguous_m_s(self.alignment.lags_s(), self.images.centre_hz),
+            cross_range: Some(CrossRange {
+                velocity_m_s: mover.cross_range_velocity_m_s,
+                deviation_m_s: cross_deviation_m_s,
+                gain_db: 0.0,
+            }),
+            velocity_m_s: Some(velocity_m_s.to_array()),
+            ground_speed_m_s: mover.radial_velocity_m_s / libm::hypot(sight.x, sight.y),
+            snr_db: 10.0 * mover.integrated.coherent.log10(),
+            extent_m: self.azimuth_cell_m(image_m),
+            num_pixels: 1,
+        }
     }
 
     /// Horizontal velocity of a target with a cross-range velocity.

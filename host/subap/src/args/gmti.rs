@@ -39,6 +39,10 @@ pub(crate) struct Gmti {
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
 
+    /// Refocus each target under its own motion at its place in the picture, not only mark it
+    #[arg(long, conflicts_with = "dwell")]
+    pub(crate) refocus: bool,
+
     /// File for the targets as a STANAG 4607 packet; needs --nationality, --platform and --exercise
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output(), requires_all = ["nationality", "platform", "exercise"])]
     pub(crate) stanag: Option<PathBuf>,
@@ -72,6 +76,19 @@ pub(crate) struct Gmti {
     /// Longest dwell, seconds: longer recordings are divided, and targets are tracked over dwells [default: the recording is one dwell]
     #[arg(long, value_name = "S", value_parser = above_zero(Dimension::Time))]
     pub(crate) dwell: Option<f64>,
+
+    /// Sub-CPIs over which targets are integrated along their motion: also those fast along the track or outside of the grid in the image [default: detect
+    /// in the image]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) sub_cpis: Option<usize>,
+
+    /// Adjacent Doppler bins of a sub-CPI that are filtered together: 1, 3 or 5
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = positive, requires = "sub_cpis")]
+    pub(crate) doppler_bins: usize,
+
+    /// Largest speed of a target along the line of sight and across it, m/s
+    #[arg(long, value_name = "M/S", default_value_t = 30.0, value_parser = above_zero(Dimension::Speed), requires = "sub_cpis")]
+    pub(crate) max_speed: f64,
 
     /// Probability of a false alarm per resolution cell
     #[arg(long, value_name = "P", default_value_t = 1e-6, value_parser = probability)]

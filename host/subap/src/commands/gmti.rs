@@ -11,7 +11,7 @@ use subaperture::focus::formers;
 use subaperture::geometry::ImageGrid;
 use subaperture::gmti::detection::Settings;
 use subaperture::gmti::tracker::Plane;
-use subaperture::gmti::{Imaging, MovingTargets, find, find_in_dwells, geojson};
+use subaperture::gmti::{Imaging, MovingTargets, find, find_in_dwells, geojson, space_time};
 use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
@@ -26,6 +26,9 @@ use packet::Packet;
 
 /// Former of the channels' images.
 const FORMER: &str = "auto";
+
+/// Rows and columns of a refocused target.
+const REFOCUSED_PIXELS: usize = 32;
 
 /// Detect targets and write them with a picture, both complete or neither.
 pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
@@ -65,6 +68,17 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         training_cells: typed.training,
         ..Settings::default()
     };
+    let integration = typed.sub_cpis.map(|sub_cpis| space_time::Settings {
+        sub_cpis,
+        bins: typed.doppler_bins,
+        windows: imaging.windows,
+        max_speed_m_s: typed.max_speed,
+        false_alarm_probability: typed.false_alarms,
+        transforms: imaging.numerics.transforms,
+        memory_bytes: session.memory_bytes,
+        ..space_time::Settings::default()
+    });
+    let integration = integration.as_ref();
     let plane = Plane::of(&grid);
     let mut found = Found::new(plane)?;
     let mut visit = |dwell: MovingTargets| -> anyhow::Result<()> {
@@ -74,13 +88,19 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         if found.sensitivity.is_none() {
             found.sensitivity = Some(dwell.sensitivity(&settings, typed.cross_section)?);
         }
-        found.add(dwell, &channels, typed.dwell.is_some());
+        let refocused = match typed.refocus {
+            true => dwell.refocus(&channels, &imaging, REFOCUSED_PIXELS)?,
+            false => Vec::new(),
+        };
+        found.add(dwell, &channels, typed.dwell.is_some(), &refocused);
         interrupt::check()?;
         Ok(())
     };
     match typed.dwell {
-        None => visit(find(&channels, &imaging, &settings)?)?,
-        Some(dwell_s) => find_in_dwells(&channels, &imaging, &settings, dwell_s, visit)?,
+        None => visit(find(&channels, &imaging, &settings, integration)?)?,
+        Some(dwell_s) => {
+            find_in_dwells(&channels, &imaging, &settings, integration, dwell_s, visit)?
+        }
     }
     progress.finish();
     let drawn = found.drawn(session, &grid, &channels)?;
@@ -90,6 +110,7 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
     record["channels"] = json!(found.channels);
     record["sensitivity"] = json!(found.sensitivity);
     record["settings"] = json!(settings);
+    record["integration"] = json!(integration);
     record["warnings"] = json!(messages::warnings());
     let mut files = FileSet::new();
     let bytes = serde_json::to_vec_pretty(&record)?;

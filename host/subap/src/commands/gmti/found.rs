@@ -5,7 +5,7 @@ use serde::Serialize;
 use subaperture::geometry::ImageGrid;
 use subaperture::gmti::registration::PhaseModel;
 use subaperture::gmti::tracker::{self, Plane, Track, Tracker};
-use subaperture::gmti::{Cancellation, ChannelBalance, MovingTargets, Sensitivity, Target};
+use subaperture::gmti::{Cancellation, ChannelBalance, Chip, MovingTargets, Sensitivity, Target};
 use subaperture::image::Image;
 use subaperture::phase_history::{Channel, Channels};
 use subaperture::plot::{self, Mark, Orientation, Panel};
@@ -43,14 +43,23 @@ impl Found {
         })
     }
 
-    /// Add the targets of a dwell, and with `follow` continue the tracks.
-    pub(super) fn add(&mut self, dwell: MovingTargets, channels: &Channels, follow: bool) {
+    /// Add the targets of a dwell, and with `follow` continue the tracks. `refocused` are put into the picture of the first dwell.
+    pub(super) fn add(
+        &mut self,
+        dwell: MovingTargets,
+        channels: &Channels,
+        follow: bool,
+        refocused: &[Chip],
+    ) {
         if self.dwells.is_empty() {
             let about = channels.about().enumerate();
             self.channels = about
                 .map(|channel| ChannelRecord::of(&dwell, channel))
                 .collect();
             self.image = dwell.images.images.first().cloned();
+            if let Some(image) = &mut self.image {
+                refocused.iter().for_each(|chip| chip.put_into(image));
+            }
         }
         // The targets remain where tracking fails.
         if follow && let Err(error) = self.tracker.scan(&dwell.scan()) {

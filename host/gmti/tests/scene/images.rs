@@ -1,166 +1,36 @@
 //! Moving targets in simulated clutter: cancellation, velocities and positions, with and without errors of the channels.
 
-use std::ops::Range;
-
 use glam::DVec3;
-use num_complex::Complex32;
 use subaperture_focus::Numerics;
 use subaperture_focus::formers::auto::Auto;
 use subaperture_gmti::detection::{Settings, detect};
 use subaperture_gmti::tracker::Detection;
 use subaperture_gmti::{GmtiError, Imaging, MovingTargets, Target, find};
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::Image;
 use subaperture_model::monitor::Silent;
-use subaperture_model::phase_history::{
-    Channel, Channels, Collection, InMemory, PhaseHistory, ReadError,
-};
+use subaperture_model::phase_history::Channels;
 use subaperture_signal::window::Window;
-use subaperture_simulate::Experiment;
-use subaperture_simulate::scenario::Scenario;
 
-/// Radar at 5.1 km, 125 m/s, 10 GHz, 150 MHz, 1.04 s, over 120 m x 120 m of clutter. `{}` are movers and receivers.
-fn scene(movers: &[(&str, &str, &str)], receivers: &[&str], noise_db: f64) -> Experiment {
-    scene_of_seed(11, movers, receivers, noise_db)
-}
+use crate::recording::{Errors, THREE, TWO, impaired, recorded, scene, scene_of_seed};
 
-fn scene_of_seed(
-    seed: u64,
-    movers: &[(&str, &str, &str)],
-    receivers: &[&str],
-    noise_db: f64,
-) -> Experiment {
-    let mut text = format!(
-        r#"
-name = "movers in clutter"
-seed = {seed}
-[scene]
-reference = "0, 0, 0 m"
-x = "-60, 60 m"
-y = "-60, 60 m"
-[radar]
-kind = "ideal"
-pulses = 1040
-pri = "1 ms"
-centre = "10 GHz"
-bandwidth = "150 MHz"
-samples = 200
-[radar.noise]
-power = "{noise_db} dB"
-[platform]
-kind = "linear"
-position = "0, -5, 1 km"
-velocity = "125, 0, 0 m/s"
-[[scene.clutter]]
-x = "-60, 60 m"
-y = "-60, 60 m"
-density = 3
-sigma0 = "-5 dB"
-[[radar.transmitter]]
-offset = "0, 0, 0 m"
-"#
-    );
-    for receiver in receivers {
-        text += &format!("[[radar.receiver]]\noffset = \"{receiver}\"\n");
-    }
-    for (position, velocity, section) in movers {
-        text += &format!(
-            "[[scene.mover]]\nkind = \"linear\"\nposition = \"{position}\"\nvelocity = \"{velocity}\"\n\
-             cross_section = \"{section}\"\n"
-        );
-    }
-    Scenario::new("movers.toml", text, ".")
-        .experiment()
-        .unwrap()
-}
+const GRID: &str = "x=-60:60:0.3,y=-60:60:0.5,z=0";
 
-/// Recording of all channels, read once.
-fn recorded(experiment: &Experiment) -> Channels<'static> {
-    let channels = experiment.channels(1 << 30).unwrap();
-    let read = |(about, history): (&Channel, &dyn PhaseHistory)| {
-        let collection = history.collection().clone();
-        let count = collection.pulses.len();
-        let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
-        history.read(0..count, &mut samples).unwrap();
-        let history: Box<dyn PhaseHistory> = Box::new(InMemory::new(collection, samples).unwrap());
-        (about.clone(), history)
-    };
-    Channels::new(channels.iter().map(read).collect()).unwrap()
-}
-
-fn targets(channels: &Channels) -> Result<MovingTargets, GmtiError> {
-    let grid: ImageGrid = "x=-60:60:0.3,y=-60:60:0.5,z=0".parse().unwrap();
-    let imaging = Imaging {
+fn imaging(grid: &ImageGrid) -> Imaging<'_> {
+    Imaging {
         former: &Auto { error_db: -60.0 },
-        grid: &grid,
+        grid,
         windows: [Window::default(); 2],
         memory_bytes: 1 << 30,
         numerics: Numerics::default(),
         monitor: &Silent,
-    };
-    find(channels, &imaging, &Settings::default())
-}
-
-/// Errors of a receiver and its recorded position.
-#[derive(Clone, Copy, Default)]
-struct Errors {
-    gain_db: f64,
-    phase_deg: f64,
-    delay_s: f64,
-    /// Displacement of the recorded position from the true one.
-    displaced_m: DVec3,
-}
-
-struct Impaired<'a> {
-    history: &'a dyn PhaseHistory,
-    collection: Collection,
-    factors: Vec<Complex32>,
-}
-
-impl<'a> Impaired<'a> {
-    fn new(history: &'a dyn PhaseHistory, errors: Errors) -> Self {
-        let mut collection = history.collection().clone();
-        for pulse in &mut collection.pulses {
-            pulse.receiver_m += errors.displaced_m;
-        }
-        let middle = collection.num_samples / 2;
-        let factor = |k: usize| {
-            let offset_hz = (k as f64 - middle as f64) * collection.pulses[0].step_hz;
-            let phase =
-                errors.phase_deg.to_radians() - std::f64::consts::TAU * offset_hz * errors.delay_s;
-            let gain = 10f64.powf(errors.gain_db / 20.0);
-            Complex32::new((gain * phase.cos()) as f32, (gain * phase.sin()) as f32)
-        };
-        let factors = (0..collection.num_samples).map(factor).collect();
-        Self {
-            history,
-            collection,
-            factors,
-        }
     }
 }
 
-impl PhaseHistory for Impaired<'_> {
-    fn collection(&self) -> &Collection {
-        &self.collection
-    }
-
-    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        self.history.read(pulses, samples)?;
-        for line in samples.chunks_exact_mut(self.factors.len()) {
-            line.iter_mut()
-                .zip(&self.factors)
-                .for_each(|(z, factor)| *z *= factor);
-        }
-        Ok(())
-    }
-}
-
-fn impaired<'a>(channels: &'a Channels, errors: &[Errors]) -> Channels<'a> {
-    let with = |((about, history), &errors): ((&Channel, &'a dyn PhaseHistory), &Errors)| {
-        let history: Box<dyn PhaseHistory + 'a> = Box::new(Impaired::new(history, errors));
-        (about.clone(), history)
-    };
-    Channels::new(channels.iter().zip(errors).map(with).collect()).unwrap()
+fn targets(channels: &Channels) -> Result<MovingTargets, GmtiError> {
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let imaging = imaging(&grid);
+    find(channels, &imaging, &Settings::default(), None)
 }
 
 /// Radial velocity of a target that moves across the track at the middle of the aperture, m/s.
@@ -206,9 +76,6 @@ fn assert_found(found: &MovingTargets, [x, y]: [f64; 2], velocity_m_s: f64) {
         "{target:#?}"
     );
 }
-
-const TWO: [&str; 2] = ["0.25, 0, 0 m", "-0.25, 0, 0 m"];
-const THREE: [&str; 3] = ["0.4, 0, 0 m", "0, 0, 0 m", "-0.6, 0, 0 m"];
 
 /// The residual of two channels is their noise: the ratio is `1 + CNR`, with the noise of a pixel computed from the windows.
 #[test]
@@ -308,6 +175,40 @@ fn errors_of_three_channels_are_measured_and_removed() {
     assert_found(&found, [20.0, 20.0], -0.5);
     assert_found(&found, [-20.0, -40.0], -1.5);
     assert_found(&found, [30.0, -20.0], 0.8);
+}
+
+/// The refocused target has its amplitude at its place; in the image of the scene it is displaced.
+#[test]
+fn refocused_target_is_at_its_place() {
+    let experiment = scene(&[("10, 20, 0 m", "3, 1, 0 m/s", "200 m^2")], &THREE, 10.0);
+    let channels = recorded(&experiment);
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let found = targets(&channels).unwrap();
+    let chips = found.refocus(&channels, &imaging(&grid), 64).unwrap();
+    assert_eq!(chips.len(), 1);
+    let mut image = found.images.images[0].clone();
+    let before = image.clone();
+    chips[0].put_into(&mut image);
+    let brightest = |image: &Image| {
+        let powers = image.pixels.iter().map(|z| z.norm_sqr()).enumerate();
+        let (at, power) = powers.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        (
+            grid.position_m(at / image.columns, at % image.columns),
+            power,
+        )
+    };
+    let (displaced_m, _) = brightest(&before);
+    let (place_m, power) = brightest(&image);
+    println!("{displaced_m:.1} m in the image, {place_m:.1} m refocused, {power:.1} m^2");
+    assert!((displaced_m - place_m).length() > 20.0, "{displaced_m}");
+    // Half a pixel, and the deviation of the position.
+    let [[xx, _], _] = found.targets[0].covariance_m2.unwrap();
+    assert!(
+        (place_m.x - 10.0).abs() < 0.3 + 4.0 * xx.sqrt() && (place_m.y - 20.0).abs() < 0.5,
+        "{place_m}"
+    );
+    // Scalloping between pixels of half a cell, and clutter.
+    assert!((140.0..230.0).contains(&power), "{power}");
 }
 
 /// A target with two thirds of the power of all clutter.

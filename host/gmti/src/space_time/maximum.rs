@@ -1,0 +1,238 @@
+//! Maximum of the coherent statistic over the parameters of a motion, and its covariance.
+
+use glam::DVec3;
+use subaperture_signal::dense::Factor;
+
+use super::clean::Echo;
+use super::geometry::{Motion, Place};
+use super::maps::{Local, SpaceTime};
+use super::state::{FINE, State};
+use super::statistic::{Integrated, Snapshot};
+
+/// Standard deviation of the path of a target by the errors of the maps, resolution cells.
+const PATH_DEVIATION: f64 = 0.003;
+
+/// Smallest step of a single parameter, relative to a fine step.
+const LEAST_STEP: f64 = 1.0 / 16.0;
+
+/// Largest number of steps of Newton's method.
+const NEWTON_STEPS: usize = 12;
+
+/// Smallest gain of a target, relative to that in noise alone.
+const LEAST_GAIN: f64 = 5e-3;
+
+/// Moving target detected by integration over sub-CPIs.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct Mover {
+    /// Motion about the middle of the aperture.
+    pub motion: Motion,
+    /// Scene position at which the target appears in an image of stationary scatterers, metres. `None` where no point of the plane has its path and Doppler.
+    pub image_position_m: Option<DVec3>,
+    /// Velocity along the line of sight at the epoch, metres per second, positive when approaching.
+    pub radial_velocity_m_s: f64,
+    /// Horizontal velocity across the line of sight, metres per second, positive in the direction of the radar's motion.
+    pub cross_range_velocity_m_s: f64,
+    /// Covariance of position along x and y of the grid, metres, and velocity along x and y, metres per second.
+    pub covariance: [[f64; 4]; 4],
+    /// Standard deviations of radial and cross-range velocity, metres per second.
+    pub velocity_deviations_m_s: [f64; 2],
+    /// Statistic of the motion.
+    pub integrated: Integrated,
+    /// Radar cross-section, m^2, estimated.
+    pub cross_section_m2: f64,
+}
+
+/// Derivatives of the statistic in `steps` of the parameters of a state.
+struct Curve {
+    steps: [f64; 4],
+    slope: [f64; 4],
+    /// Negative second derivatives: the statistic is the log-likelihood.
+    information: [[f64; 4]; 4],
+}
+
+impl Curve {
+    /// Factor of the information with `damping` times its diagonal added. `None` if it is not positive definite.
+    fn factor(&self, damping: f64) -> Option<Factor> {
+        let mut damped = self.information;
+        for (i, row) in damped.iter_mut().enumerate() {
+            row[i] += damping * row[i].abs();
+        }
+        Factor::new(4, &damped.concat(), 1e-12)
+    }
+
+    /// Step to the maximum (Levenberg and Marquardt), in units of the parameters.
+    fn step(&self, damping: f64) -> Option<[f64; 4]> {
+        let mut step = self.slope;
+        self.factor(damping)?.solve(&mut step);
+        Some([0, 1, 2, 3].map(|i| step[i] * self.steps[i]))
+    }
+}
+
+impl SpaceTime {
+    /// Statistic of a state. `None` beyond the largest speed, outside of the grid, and at blind velocities, where the amplitude of a target is unknown.
+    fn statistic(&self, state: &State, local: &Local) -> Option<Integrated> {
+        let most = self.settings.max_speed_m_s;
+        let slow = state.radial_m_s.abs() <= most && state.cross_m_s.abs() <= most;
+        let motion = slow.then(|| self.motion(state))??;
+        if !self.contains(motion.position_m) {
+            return None;
+        }
+        let integrated = self.integrate_with(&motion, local);
+        (integrated.gain > LEAST_GAIN * self.full_gain).then_some(integrated)
+    }
+
+    /// Maximum of the coherent statistic near a state, with `echo` added to the samples: by steps of single parameters, then by Newton's method.
+    pub(super) fn maximised(
+        &self,
+        state: State,
+        echo: Option<&Echo>,
+    ) -> Option<(State, Integrated)> {
+        let local = self.local(&state, echo)?;
+        let mut best = (state, self.statistic(&state, &local)?);
+        let steps = self.steps();
+        let mut scale = 0.5;
+        while scale > LEAST_STEP {
+            let before = best.1.coherent;
+            for (parameter, step) in steps.iter().enumerate() {
+                for by in [-scale * step, scale * step] {
+                    let state = best.0.moved(parameter, by);
+                    if let Some(there) = self.statistic(&state, &local)
+                        && there.coherent > best.1.coherent
+                    {
+                        best = (state, there);
+                    }
+                }
+            }
+            if best.1.coherent <= before * (1.0 + 1e-2) {
+                scale /= 2.0;
+            }
+        }
+        let local = self.local(&best.0, echo)?;
+        best.1 = self.statistic(&best.0, &local)?;
+        let mut damping = 0.0;
+        for _ in 0..NEWTON_STEPS {
+            let Some(curve) = self.curve(&best.0, &local) else {
+                break;
+            };
+            let improved = curve.step(damping).and_then(|step| {
+                let state = (0..4).fold(best.0, |state, i| state.moved(i, step[i]));
+                let there = self.statistic(&state, &local)?;
+                (there.coherent > best.1.coherent).then_some((state, there))
+            });
+            match improved {
+                Some((state, there)) => {
+                    let settled = there.coherent - best.1.coherent < 0.01;
+                    best = (state, there);
+                    damping /= 10.0;
+                    if settled {
+                        break;
+                    }
+                }
+                None if damping > 10.0 => break,
+                None => damping = 10.0 * f64::max(damping, 1e-3),
+            }
+        }
+        Some(best)
+    }
+
+    /// Tiles about a state, and an echo that is added to the samples.
+    fn local<'a>(&'a self, state: &State, echo: Option<&'a Echo>) -> Option<Local<'a>> {
+        let motion = self.motion(state)?;
+        let mut place = Place::default();
+        let tile = |sub_cpi: usize| {
+            self.cube.sub_cpis[sub_cpi].place(|time_s| motion.at(time_s), &mut place);
+            Snapshot::tile(&self.cube, &self.tiles, sub_cpi, &place)
+        };
+        let tiles = (0..self.cube.sub_cpis.len()).map(tile).collect();
+        Some(Local { tiles, echo })
+    }
+
+    /// First and second derivatives of the coherent statistic at a state. `None` where it has no maximum nearby.
+    fn curve(&self, state: &State, local: &Local) -> Option<Curve> {
+        let centre = self.integrate_with(&self.motion(state)?, local).coherent;
+        // Steps that change the statistic by about one, so that terms of higher order are small.
+        let scale = (0.25 * (100.0 / centre).sqrt()).clamp(0.02, 0.25);
+        let steps = self.steps().map(|step| step * scale);
+        let at = |moves: &[(usize, f64)]| {
+            let moved = moves
+                .iter()
+                .fold(*state, |state, &(i, by)| state.moved(i, by * steps[i]));
+            Some(self.integrate_with(&self.motion(&moved)?, local).coherent)
+        };
+        let mut slope = [0.0; 4];
+        let mut information = [[0.0; 4]; 4];
+        for (i, j) in (0..4).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+            if i == j {
+                let (above, below) = (at(&[(i, 1.0)])?, at(&[(i, -1.0)])?);
+                slope[i] = (above - below) / 2.0;
+                information[i][i] = 2.0 * centre - above - below;
+                continue;
+            }
+            let [pp, pm, mp, mm] = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)]
+                .map(|(a, b)| at(&[(i, a), (j, b)]));
+            let mixed = -(pp? - pm? - mp? + mm?) / 4.0;
+            (information[i][j], information[j][i]) = (mixed, mixed);
+        }
+        Some(Curve {
+            steps,
+            slope,
+            information,
+        })
+    }
+
+    /// Target of a maximum, with the covariance by the curvature of the statistic.
+    pub(super) fn mover(
+        &self,
+        state: &State,
+        integrated: Integrated,
+        echo: Option<&Echo>,
+    ) -> Option<Mover> {
+        let motion = self.motion(state)?;
+        let local = self.local(state, echo)?;
+        let curve = self.curve(state, &local)?;
+        let (steps, information) = (curve.steps, curve.factor(0.0)?);
+        let mut errors: Vec<[f64; 4]> = (0..4)
+            .map(|i| {
+                let mut column = [0.0; 4];
+                column[i] = 1.0;
+                information.solve(&mut column);
+                column
+            })
+            .collect();
+        errors[0][0] += (PATH_DEVIATION * FINE / (steps[0] / self.steps()[0])).powi(2);
+        let plane = [self.grid.x_axis, self.grid.y_axis];
+        let values = |motion: &Motion| {
+            let place = plane.map(|axis| motion.position_m.dot(axis));
+            let velocity = plane.map(|axis| motion.velocity_m_s.dot(axis));
+            [place[0], place[1], velocity[0], velocity[1]]
+        };
+        let own = values(&motion);
+        let mut slopes = [[0.0; 4]; 4];
+        for (i, slope) in slopes.iter_mut().enumerate() {
+            let moved = values(&self.motion(&state.moved(i, steps[i]))?);
+            *slope = [0, 1, 2, 3].map(|k| moved[k] - own[k]);
+        }
+        let covariance = [0, 1, 2, 3].map(|k| {
+            [0, 1, 2, 3].map(|l| {
+                let terms = (0..16).map(|ij| (ij / 4, ij % 4));
+                terms
+                    .map(|(i, j)| slopes[i][k] * errors[i][j] * slopes[j][l])
+                    .sum()
+            })
+        });
+        let deviation = |i: usize| steps[i] * errors[i][i].max(0.0).sqrt();
+        Some(Mover {
+            motion,
+            image_position_m: self
+                .middle
+                .locate(self.centre_m, plane, state.path_m, state.slope),
+            radial_velocity_m_s: state.radial_m_s,
+            cross_range_velocity_m_s: state.cross_m_s,
+            covariance,
+            velocity_deviations_m_s: [deviation(2), deviation(3)],
+            integrated,
+            cross_section_m2: integrated.coherent / integrated.gain,
+        })
+    }
+}

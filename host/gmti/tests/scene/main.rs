@@ -1,0 +1,5 @@
+//! Moving targets in simulated scenes.
+
+mod images;
+mod recording;
+mod sub_cpis;
