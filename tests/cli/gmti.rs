@@ -95,6 +95,8 @@ fn gmti_integrates_targets_over_sub_cpis() {
     }
     let refused = "gmti gmti.cphd -o u.geojson --sub-cpis";
     run(at, &format!("{refused} 300")).failed(1, &["fewer than 300 sub-CPIs"]);
+    run(at, &format!("{refused} 26 --channels T1R1,T1R3"))
+        .failed(1, &["at least 3 channels", "found 2"]);
     run(at, &format!("{refused} 2")).failed(1, &["at least 3 sub-CPIs"]);
     run(at, &format!("{refused} 26 --doppler-bins 2")).failed(1, &["1, 3 or 5"]);
     run(at, "gmti gmti.cphd -o u.geojson --max-speed 9").failed(2, &["--sub-cpis"]);

@@ -82,7 +82,7 @@ impl SpaceTime {
         (integrated.gain > LEAST_GAIN * self.full_gain).then_some(integrated)
     }
 
-    /// Maximum of the coherent statistic near a state, with `echo` added to the samples: by steps of single parameters, then by Newton's method.
+    /// Maximum of the coherent statistic near a state, with `echo` added to the samples: by steps of single parameters, then by Newton's method. `None` where it lies at a limit of the search.
     pub(super) fn maximised(
         &self,
         state: State,
@@ -133,7 +133,22 @@ impl SpaceTime {
                 None => damping = 10.0 * f64::max(damping, 1e-3),
             }
         }
-        Some(best)
+        self.is_interior(&best, &local).then_some(best)
+    }
+
+    /// Whether the statistic does not rise beyond the grid or the largest speed. Where it does, the target is elsewhere.
+    fn is_interior(&self, (state, integrated): &(State, Integrated), local: &Local) -> bool {
+        let steps = self.steps();
+        let moves = (0..4).flat_map(|i| [-0.5, 0.5].map(|part| (i, part * steps[i])));
+        let rises = |(parameter, by): (usize, f64)| {
+            let moved = state.moved(parameter, by);
+            let outside = self.statistic(&moved, local).is_none();
+            let there = outside.then(|| self.motion(&moved)).flatten();
+            there.is_some_and(|motion| {
+                self.integrate_with(&motion, local).coherent > integrated.coherent
+            })
+        };
+        !moves.into_iter().any(rises)
     }
 
     /// Tiles about a state, and an echo that is added to the samples.

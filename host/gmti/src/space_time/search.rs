@@ -48,6 +48,9 @@ const SETTLED: f64 = 0.01;
 /// Half the width of a main lobe, resolution cells.
 const LOBE_CELLS: f64 = 2.5;
 
+/// Smallest number of channels: with two the position of a target in clutter is not observed.
+const MIN_CHANNELS: usize = 3;
+
 /// Largest number of passes over the recording by [`find`].
 const MAX_PASSES: usize = 8;
 
@@ -58,7 +61,7 @@ const MAX_REFINEMENTS: usize = 2;
 /// from the samples.
 ///
 /// # Errors
-/// Those of [`SpaceTime::form`]; [`GmtiError::Form`] if `monitor` cancels.
+/// [`GmtiError::Unsuited`] for two channels, which do not locate targets within clutter; those of [`SpaceTime::form`]; [`GmtiError::Form`] if `monitor` cancels.
 pub fn find(
     channels: &Channels,
     alignment: &Alignment,
@@ -67,6 +70,12 @@ pub fn find(
     settings: &Settings,
     monitor: &dyn Monitor,
 ) -> Result<Vec<Mover>, GmtiError> {
+    if channels.len() < MIN_CHANNELS {
+        return Err(GmtiError::Unsuited(format!(
+            "integration over sub-CPIs: expected at least {MIN_CHANNELS} channels to locate targets within clutter, found {}: detect in the image",
+            channels.len()
+        )));
+    }
     let mut found = Found::default();
     for pass in 0..MAX_PASSES {
         monitor.progress(pass as f64 / MAX_PASSES as f64);

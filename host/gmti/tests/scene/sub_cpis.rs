@@ -246,6 +246,23 @@ cross_section = "5 m^2"
     assert!(mean_db < -6.0, "{mean_db}");
 }
 
+/// A mover 60 m beyond the end of the grid along the track has the range and Doppler of places in the grid at other velocities. Its main response is not detected there; an ambiguity is, 25 dB
+/// below it.
+#[test]
+fn main_response_of_target_outside_of_the_grid_is_not_detected_inside() {
+    let mover = ("120, 10, 0 m", "2, 6, 0 m/s", "5 m^2");
+    let recorded = recorded(&scene(&[mover], &THREE, 10.0));
+    let level = maps(&recorded, &Settings::default())
+        .unwrap()
+        .integrate(&motion([120.0, 10.0], [2.0, 6.0]))
+        .coherent;
+    for found in movers(&recorded, &Settings::default()) {
+        let relative_db = db(found.integrated.coherent / level);
+        println!("{relative_db:.1} dB: {:.1?}", found.motion.position_m);
+        assert!(relative_db < -20.0, "{relative_db}");
+    }
+}
+
 /// Clutter and noise without movers.
 #[test]
 fn search_has_at_most_the_requested_false_alarms() {
