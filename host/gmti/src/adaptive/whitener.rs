@@ -146,7 +146,7 @@ impl Whitener {
 }
 
 /// Inner product `a^H b`.
-pub(super) fn product(a: &[Complex64], b: &[Complex64]) -> Complex64 {
+pub(crate) fn product(a: &[Complex64], b: &[Complex64]) -> Complex64 {
     let terms = a.iter().zip(b);
     terms.fold(Complex64::ZERO, |sum, (a, b)| sum + a.conj() * b)
 }

@@ -17,6 +17,7 @@ use num_complex::{Complex32, Complex64};
 use super::cube::{Cube, OVERSAMPLING};
 use super::geometry::Place;
 use super::training::{Tile, Tiles};
+use crate::adaptive::product;
 
 /// Terms of the statistic in one sub-CPI.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -182,9 +183,4 @@ impl<'a> Snapshot<'a> {
         let stationary = self.tile.stationary.as_ref();
         all - stationary.map_or(0.0, |direction| product(direction, &self.white).norm_sqr())
     }
-}
-
-fn product(a: &[Complex64], b: &[Complex64]) -> Complex64 {
-    let terms = a.iter().zip(b);
-    terms.fold(Complex64::ZERO, |sum, (a, b)| sum + a.conj() * b)
 }

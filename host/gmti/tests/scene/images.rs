@@ -12,7 +12,7 @@ use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::Channels;
 use subaperture_signal::window::Window;
 
-use crate::recording::{Errors, THREE, TWO, impaired, recorded, scene, scene_of_seed};
+use crate::recording::{Errors, THREE, TWO, Uniform, impaired, recorded, scene, scene_of_movers};
 
 const GRID: &str = "x=-60:60:0.3,y=-60:60:0.5,z=0";
 
@@ -301,14 +301,8 @@ fn faulty_channels_are_named() {
 #[test]
 fn errors_of_random_movers_are_within_their_covariances() {
     let scenes: u64 = std::env::var("SUBAPERTURE_SCENES").map_or(2, |text| text.parse().unwrap());
-    let mut state = 1u64;
-    let mut uniform = |low: f64, high: f64| {
-        // Knuth's generator.
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        low + (high - low) * (state >> 11) as f64 / (1u64 << 53) as f64
-    };
+    let mut random = Uniform(1);
+    let mut uniform = |low, high| random.between(low, high);
     let (mut total, mut found_count, mut false_count) = (0, 0, 0);
     let mut errors: [Vec<f64>; 3] = Default::default();
     for seed in 0..scenes {
@@ -324,21 +318,7 @@ fn errors_of_random_movers_are_within_their_covariances() {
             let along = uniform(-3.0, 3.0);
             movers.push(([x, y], [along, speed], uniform(3.0, 20.0)));
         }
-        let texts: Vec<[String; 3]> = movers
-            .iter()
-            .map(|(at, velocity, section)| {
-                [
-                    format!("{}, {}, 0 m", at[0], at[1]),
-                    format!("{}, {}, 0 m/s", velocity[0], velocity[1]),
-                    format!("{section} m^2"),
-                ]
-            })
-            .collect();
-        let list: Vec<(&str, &str, &str)> = texts
-            .iter()
-            .map(|[a, b, c]| (a.as_str(), b.as_str(), c.as_str()))
-            .collect();
-        let experiment = scene_of_seed(100 + seed, &list, &THREE, noise_db);
+        let experiment = scene_of_movers(100 + seed, &movers, &THREE, noise_db);
         let channels = recorded(&experiment);
         let found = targets(&channels).unwrap();
         total += movers.len();

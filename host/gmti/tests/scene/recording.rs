@@ -161,3 +161,41 @@ pub(crate) fn impaired<'a>(channels: &'a Channels, errors: &[Errors]) -> Channel
     };
     Channels::new(channels.iter().zip(errors).map(with).collect()).unwrap()
 }
+
+/// Uniform random numbers by Knuth's generator.
+pub(crate) struct Uniform(pub(crate) u64);
+
+impl Uniform {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Horizontal position, metres, velocity, m/s, and radar cross-section, m^2, of a mover.
+pub(crate) type Truth = ([f64; 2], [f64; 2], f64);
+
+/// Scene of these movers.
+pub(crate) fn scene_of_movers(
+    seed: u64,
+    movers: &[Truth],
+    receivers: &[&str],
+    noise_db: f64,
+) -> Experiment {
+    let text = |(place, velocity, section): &Truth| {
+        [
+            format!("{}, {}, 0 m", place[0], place[1]),
+            format!("{}, {}, 0 m/s", velocity[0], velocity[1]),
+            format!("{section} m^2"),
+        ]
+    };
+    let texts: Vec<[String; 3]> = movers.iter().map(text).collect();
+    let list: Vec<(&str, &str, &str)> = texts
+        .iter()
+        .map(|[place, velocity, section]| (&place[..], &velocity[..], &section[..]))
+        .collect();
+    scene_of_seed(seed, &list, receivers, noise_db)
+}

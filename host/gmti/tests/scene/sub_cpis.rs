@@ -14,7 +14,8 @@ use subaperture_model::phase_history::{Channels, Collection};
 use subaperture_signal::window::Window;
 
 use crate::recording::{
-    Errors, FOUR, THREE, TWO, impaired, recorded, scene, scene_of_seed, scene_with,
+    Errors, FOUR, THREE, TWO, Uniform, impaired, recorded, scene, scene_of_movers, scene_of_seed,
+    scene_with,
 };
 
 const GRID: &str = "x=-60:60:0.3,y=-60:60:0.5,z=0";
@@ -128,14 +129,8 @@ fn movers_of_any_velocity_are_within_their_covariances() {
         4 => &FOUR,
         _ => &THREE,
     };
-    let mut state = 5u64;
-    let mut uniform = |low: f64, high: f64| {
-        // Knuth's generator.
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        low + (high - low) * (state >> 11) as f64 / (1u64 << 53) as f64
-    };
+    let mut random = Uniform(5);
+    let mut uniform = |low, high| random.between(low, high);
     let crab_rad = 5f64.to_radians();
     let phase_centres_m = [0.0, 0.4, 1.0, 1.2];
     let errors: Vec<Errors> = (0..receivers.len())
@@ -156,21 +151,7 @@ fn movers_of_any_velocity_are_within_their_covariances() {
             let speed = uniform(0.5, 29.0) * if uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
             truths.push((place, [uniform(-15.0, 15.0), speed], uniform(0.5, 5.0)));
         }
-        let texts: Vec<[String; 3]> = truths
-            .iter()
-            .map(|(at, velocity, section)| {
-                [
-                    format!("{}, {}, 0 m", at[0], at[1]),
-                    format!("{}, {}, 0 m/s", velocity[0], velocity[1]),
-                    format!("{section} m^2"),
-                ]
-            })
-            .collect();
-        let list: Vec<(&str, &str, &str)> = texts
-            .iter()
-            .map(|[a, b, c]| (a.as_str(), b.as_str(), c.as_str()))
-            .collect();
-        let recorded = recorded(&scene_of_seed(300 + seed, &list, receivers, noise_db));
+        let recorded = recorded(&scene_of_movers(300 + seed, &truths, receivers, noise_db));
         let found = movers(&impaired(&recorded, &errors), &Settings::default());
         total += truths.len();
         let mut left: Vec<&Mover> = found.iter().collect();
