@@ -143,7 +143,8 @@ impl Alignment {
         (0..LAG_POSITIONS).map(lag).sum::<f64>() / LAG_POSITIONS as f64
     }
 
-    fn lag_spread_s(&self) -> f64 {
+    /// Largest difference of two lags, seconds.
+    pub(crate) fn lag_spread_s(&self) -> f64 {
         let most = self.lags_s.iter().copied().fold(f64::MIN, f64::max);
         most - self.lags_s.iter().copied().fold(f64::MAX, f64::min)
     }

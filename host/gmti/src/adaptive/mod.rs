@@ -43,4 +43,4 @@ pub use error::AdaptiveError;
 pub use loss::mean_sinr_loss;
 pub use performance::{Performance, TargetModel};
 pub use whitener::Whitener;
-pub(crate) use whitener::product;
+pub(crate) use whitener::{power, product};

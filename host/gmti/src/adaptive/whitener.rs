@@ -152,6 +152,6 @@ pub(crate) fn product(a: &[Complex64], b: &[Complex64]) -> Complex64 {
 }
 
 /// Sum of squared magnitudes.
-pub(super) fn power(a: &[Complex64]) -> f64 {
+pub(crate) fn power(a: &[Complex64]) -> f64 {
     a.iter().fold(0.0, |sum, a| sum + a.norm_sqr())
 }

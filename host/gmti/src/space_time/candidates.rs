@@ -171,7 +171,7 @@ impl SpaceTime {
             - self.cube.path_and_slope([0.0, 0.0]).1)
             * OVERSAMPLING as f64
             / 2.0;
-        let fine_curvature = 4.0 * self.fine_slope() / self.section_m() / FINE;
+        let fine_curvature = self.fine_curvature();
         let steps = |half: f64, step: f64| {
             let count = (half / step).ceil() as i64;
             (-count..=count).map(move |i| i as f64 * step)
@@ -210,7 +210,7 @@ impl SpaceTime {
                 .iter()
                 .map(|(offset_m, own_m, snapshot)| {
                     let radial_m_s = radial_m_s + turned * offset_m;
-                    let steering = self.still_steering(*own_m, radial_m_s, motion.position_m);
+                    let steering = self.candidate_steering(*own_m, radial_m_s, motion.position_m);
                     let steering = self.tiles.over_bins(&steering);
                     let term = snapshot.term(&steering, &mut scratch);
                     gain += term.gain;
@@ -250,7 +250,12 @@ impl SpaceTime {
     }
 
     /// Steering vector over channels of a target with this relative path, radial velocity and position.
-    fn still_steering(&self, path_m: f64, radial_m_s: f64, position_m: DVec3) -> Vec<Complex64> {
+    fn candidate_steering(
+        &self,
+        path_m: f64,
+        radial_m_s: f64,
+        position_m: DVec3,
+    ) -> Vec<Complex64> {
         let element = |(channel, lag_s): (usize, &f64)| {
             phasor((2.0 * radial_m_s * lag_s - path_m) / self.wavelength_m())
                 * self.calibration.factor(channel, position_m)

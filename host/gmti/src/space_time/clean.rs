@@ -13,6 +13,7 @@ use std::ops::Range;
 use num_complex::{Complex32, Complex64};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError};
+use subaperture_signal::phase::narrow;
 
 use super::geometry::Motion;
 use crate::balance::rotate;
@@ -28,11 +29,11 @@ pub(super) struct Echo {
 /// Phase history without the echoes of targets.
 pub(super) struct Cleaned<'a> {
     history: &'a dyn PhaseHistory,
-    echoes: Vec<Echo>,
+    echoes: &'a [Echo],
 }
 
 impl<'a> Cleaned<'a> {
-    pub(super) fn new(history: &'a dyn PhaseHistory, echoes: Vec<Echo>) -> Self {
+    pub(super) fn new(history: &'a dyn PhaseHistory, echoes: &'a [Echo]) -> Self {
         Self { history, echoes }
     }
 }
@@ -53,11 +54,10 @@ impl PhaseHistory for Cleaned<'_> {
         let mut echo_line = vec![Complex32::ZERO; count];
         let lines = samples.chunks_exact_mut(count);
         for (pulse, line) in collection.pulses[pulses].iter().zip(lines) {
-            for echo in &self.echoes {
+            for echo in self.echoes {
                 let path_m = pulse.relative_path_m(echo.motion.at(pulse.time_s));
                 let cycles_a_hz = -path_m / SPEED_OF_LIGHT_M_S;
-                let amplitude = Complex32::new(echo.amplitude.re as f32, echo.amplitude.im as f32);
-                echo_line.fill(amplitude);
+                echo_line.fill(narrow(echo.amplitude));
                 let turns = [pulse.start_hz, pulse.step_hz].map(|hz| hz * cycles_a_hz);
                 rotate(&mut echo_line, turns, 1.0);
                 let pairs = line.iter_mut().zip(&echo_line);

@@ -31,7 +31,7 @@ use super::clean::{Cleaned, Echo};
 use super::geometry::{Place, SubCpiGeometry};
 use super::settings::Settings;
 use crate::alignment::Alignment;
-use crate::balance::{Balanced, ChannelBalance, read_at};
+use crate::balance::{Balanced, ChannelBalance, read_at, shared_band};
 use crate::error::GmtiError;
 
 /// Samples of a map per resolution cell, along both axes.
@@ -90,7 +90,7 @@ impl Cube {
         (centre_m, corners_m): (DVec3, &[DVec3]),
         settings: &Settings,
     ) -> Result<Self, GmtiError> {
-        let band = crate::balance::shared_band(channels)?;
+        let band = shared_band(channels)?;
         let [start_m, end_m] = alignment.section_m();
         let own = alignment.along_m(0);
         let spacing_m = (own[own.len() - 1] - own[0]) / (own.len() - 1) as f64;
@@ -149,7 +149,7 @@ impl Cube {
             let mut maps = Vec::with_capacity(size);
             for (c, balance) in balances.iter().enumerate() {
                 let balanced = Balanced::new(channels.channel(c), balance);
-                let history = Cleaned::new(&balanced, targets[c].clone());
+                let history = Cleaned::new(&balanced, &targets[c]);
                 let weights = alignment.slow_weights(c, geometry.section_m, slow);
                 let along_m = alignment.along_m(c);
                 let first = centred(along_m, geometry.section_m, spacing_m, pulses);
@@ -191,9 +191,10 @@ impl Cube {
         cycles / self.axes.doppler_step + self.axes.zero_doppler as f64
     }
 
-    /// Fractional range bin of a relative path, metres.
-    pub(super) fn range_bin(&self, path_m: f64) -> f64 {
-        path_m / self.axes.path_step_m - self.axes.first_range as f64
+    /// Fractional Doppler and range bin of a place.
+    pub(super) fn bins(&self, place: &Place) -> [f64; 2] {
+        let range = place.path_m() / self.axes.path_step_m - self.axes.first_range as f64;
+        [self.doppler_bin(place.slope), range]
     }
 
     /// Relative path, metres, and slope, metres per metre of track, of a Doppler and range bin.

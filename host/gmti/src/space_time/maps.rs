@@ -27,8 +27,6 @@ pub struct Filtered {
     pub gain: f64,
     /// Training snapshots of the covariance.
     pub snapshots: usize,
-    /// Ratio of clutter to noise in the training cells.
-    pub clutter_to_noise: f64,
 }
 
 /// Conditions of the statistic near a motion: the same covariances for all motions, so that the statistic is smooth.
@@ -104,10 +102,6 @@ impl SpaceTime {
         let tiles = Tiles::new(&cube, settings);
         let track = &channels.channel(0).collection().pulses[alignment.middle_pulses()];
         let along = track[track.len() - 1].phase_centre_m() - track[0].phase_centre_m();
-        let lags_s = alignment.lags_s();
-        let ends = lags_s
-            .iter()
-            .fold([0f64; 2], |[low, high], &lag| [low.min(lag), high.max(lag)]);
         let full_gain = full_gain(&cube, &tiles);
         Ok(Self {
             full_gain,
@@ -125,9 +119,9 @@ impl SpaceTime {
             },
             along: along.normalize_or_zero(),
             speed_m_s: alignment.speed_m_s(),
-            lags_s: lags_s.to_vec(),
+            lags_s: alignment.lags_s().to_vec(),
             calibration: calibration.clone(),
-            lag_spread_s: ends[1] - ends[0],
+            lag_spread_s: alignment.lag_spread_s(),
         })
     }
 
@@ -171,7 +165,6 @@ impl SpaceTime {
             output: term.filtered,
             gain: term.gain,
             snapshots: tile.snapshots,
-            clutter_to_noise: tile.clutter_to_noise,
         })
     }
 

@@ -163,7 +163,7 @@ impl SpaceTime {
         Some(Local { tiles, echo })
     }
 
-    /// First and second derivatives of the coherent statistic at a state. `None` where it has no maximum nearby.
+    /// First and second derivatives of the coherent statistic at a state. `None` where a nearby state has no place.
     fn curve(&self, state: &State, local: &Local) -> Option<Curve> {
         let centre = self.integrate_with(&self.motion(state)?, local).coherent;
         // Steps that change the statistic by about one, so that terms of higher order are small.

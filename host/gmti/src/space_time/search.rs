@@ -110,17 +110,17 @@ struct Response {
 
 /// Targets of all passes.
 #[derive(Default)]
-pub(super) struct Found {
+struct Found {
     targets: Vec<Target>,
 }
 
 impl Found {
-    pub(super) fn is_empty(&self) -> bool {
+    fn is_empty(&self) -> bool {
         self.targets.is_empty()
     }
 
     /// Motions and amplitudes of all targets.
-    pub(super) fn motions(&self) -> Vec<(Motion, Complex64)> {
+    fn motions(&self) -> Vec<(Motion, Complex64)> {
         let movers = self.targets.iter().map(|target| &target.mover);
         movers
             .map(|mover| (mover.motion, mover.integrated.amplitude))
@@ -128,7 +128,7 @@ impl Found {
     }
 
     /// Targets, the strongest first.
-    pub(super) fn into_movers(self) -> Vec<Mover> {
+    fn into_movers(self) -> Vec<Mover> {
         let targets = self.targets.into_iter();
         let mut movers: Vec<Mover> = targets.map(|target| target.mover).collect();
         movers.sort_by(|a, b| b.integrated.coherent.total_cmp(&a.integrated.coherent));
@@ -238,7 +238,7 @@ impl SpaceTime {
     }
 
     /// Threshold of the coherent statistic.
-    pub fn threshold(&self) -> f64 {
+    fn threshold(&self) -> f64 {
         let cell_slope = self.fine_slope();
         let [low, high] = self.curvature_limits();
         let curvatures = (high - low) / (2.0 * cell_slope / self.section_m());
@@ -274,10 +274,7 @@ impl SpaceTime {
         let of = |sub_cpi: usize| {
             let position_m = |time_s: f64| motion.at(time_s);
             self.cube.sub_cpis[sub_cpi].place(position_m, &mut place);
-            let bins = [
-                self.cube.doppler_bin(place.slope),
-                self.cube.range_bin(place.path_m()),
-            ];
+            let bins = self.cube.bins(&place);
             let (_, term) = self.snapshot_term(sub_cpi, position_m, (None, echo), &mut scratch);
             Response { bins, term }
         };

@@ -55,6 +55,11 @@ impl SpaceTime {
         self.wavelength_m() / self.section_m()
     }
 
+    /// Step of the curvature in the coherent sum.
+    pub(super) fn fine_curvature(&self) -> f64 {
+        4.0 * self.fine_slope() / self.section_m() / FINE
+    }
+
     /// Length of the aperture, metres.
     pub(super) fn section_m(&self) -> f64 {
         let (first, last) = (
@@ -127,7 +132,7 @@ impl SpaceTime {
             let apart_m = self.offset_m(self.cube.sub_cpis.len() - 1) - self.offset_m(0);
             Some((last - first) / apart_m)
         };
-        // The curvature is a quadratic function of the velocity: three secant steps suffice.
+        // The curvature is a quadratic function of the velocity: few secant steps suffice.
         let (mut last, mut cross_m_s) = ((0.0, of(0.0)?), STEP_M_S);
         for _ in 0..SECANT_STEPS {
             let own = (cross_m_s, of(cross_m_s)?);
@@ -146,7 +151,7 @@ impl SpaceTime {
 
     /// Steps of each parameter of a state that change the statistic by some tenths.
     pub(super) fn steps(&self) -> [f64; 4] {
-        let fine_curvature = 4.0 * self.fine_slope() / self.section_m() / FINE;
+        let fine_curvature = self.fine_curvature();
         let [low, high] = self.curvature_limits();
         let cross_m_s = 2.0 * self.settings.max_speed_m_s * fine_curvature / (high - low);
         [

@@ -17,7 +17,7 @@ use num_complex::{Complex32, Complex64};
 use super::cube::{Cube, OVERSAMPLING};
 use super::geometry::Place;
 use super::training::{Tile, Tiles};
-use crate::adaptive::product;
+use crate::adaptive::{power, product};
 
 /// Terms of the statistic in one sub-CPI.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -95,10 +95,7 @@ impl<'a> Snapshot<'a> {
         sub_cpi: usize,
         place: &Place,
     ) -> Option<&'a Tile> {
-        let bins = [
-            cube.doppler_bin(place.slope),
-            cube.range_bin(place.path_m()),
-        ];
+        let bins = cube.bins(place);
         let inside = |bin: f64, count: usize| (0.0..count as f64 - 1.0).contains(&bin);
         let within = inside(bins[0], cube.axes.dopplers) && inside(bins[1], cube.axes.ranges);
         let cell = bins.map(|bin| (bin + 0.5) as usize);
@@ -116,10 +113,7 @@ impl<'a> Snapshot<'a> {
     ) -> Option<Self> {
         let size = tile.whitener.size();
         let half = (size / cube.channels() / 2) as f64;
-        let (doppler, range) = (
-            cube.doppler_bin(place.slope),
-            cube.range_bin(place.path_m()),
-        );
+        let [doppler, range] = cube.bins(place);
         scratch.values.resize(size, Complex32::ZERO);
         for (j, values) in scratch.values.chunks_exact_mut(cube.channels()).enumerate() {
             let bin = doppler + (j as f64 - half) * OVERSAMPLING as f64;
@@ -173,14 +167,14 @@ impl<'a> Snapshot<'a> {
         }
         Term {
             filtered: product(white, &self.white),
-            gain: white.iter().map(Complex64::norm_sqr).sum(),
+            gain: power(white),
         }
     }
 
     /// Energy `x^H R^-1 x` without the part along the direction of a stationary scatterer: at least the statistic of any steering vector.
     pub(super) fn energy(&self) -> f64 {
-        let all: f64 = self.white.iter().map(Complex64::norm_sqr).sum();
         let stationary = self.tile.stationary.as_ref();
-        all - stationary.map_or(0.0, |direction| product(direction, &self.white).norm_sqr())
+        power(&self.white)
+            - stationary.map_or(0.0, |direction| product(direction, &self.white).norm_sqr())
     }
 }

@@ -14,7 +14,7 @@ use subaperture_signal::window::Window;
 
 use super::cube::{Axes, Cube, OVERSAMPLING};
 use super::settings::{Settings, Training};
-use crate::adaptive::{Covariance, Loading, Whitener, widen};
+use crate::adaptive::{Covariance, Loading, Whitener, power, widen};
 
 /// Edge of a tile, map cells.
 const TILE: usize = 8;
@@ -33,8 +33,6 @@ pub(super) struct Tile {
     pub(super) snapshots: usize,
     /// Whitened direction of a stationary scatterer, of norm 1, where clutter dominates.
     pub(super) stationary: Option<Vec<Complex64>>,
-    /// Ratio of clutter to noise of channel 0 from the coherence of the channels.
-    pub(super) clutter_to_noise: f64,
 }
 
 /// Response of a window to a scatterer: `sum_u w(u) cos(2 pi d u) / sum_u w(u)` at `d` resolution cells from it, by linear interpolation of a table: the error is
@@ -161,10 +159,10 @@ impl Tiles {
             }
         }
         if self.settings.training == Training::Strongest {
-            let power = |snapshot: &Vec<Complex32>| -> f32 {
+            let strength = |snapshot: &Vec<Complex32>| -> f32 {
                 snapshot.iter().map(Complex32::norm_sqr).sum()
             };
-            snapshots.sort_by(|a, b| power(b).total_cmp(&power(a)));
+            snapshots.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
             snapshots.truncate(snapshots.len().div_ceil(2));
         }
         let count = snapshots.len();
@@ -193,7 +191,7 @@ impl Tiles {
             let vector = self.over_bins(&gains);
             let mut white = vec![Complex64::ZERO; size];
             whitener.whiten(&vector, &mut white);
-            let norm = white.iter().map(Complex64::norm_sqr).sum::<f64>().sqrt();
+            let norm = power(&white).sqrt();
             white.iter_mut().for_each(|value| *value /= norm);
             white
         });
@@ -201,7 +199,6 @@ impl Tiles {
             whitener,
             snapshots: count,
             stationary,
-            clutter_to_noise: coherence / (1.0 - coherence).max(1e-12),
         })
     }
 
