@@ -13,9 +13,9 @@ use subaperture_tests::subap::{run, write_recording};
 /// Half-power width of each antenna, degrees.
 const WIDTH_DEG: f64 = 2.0;
 const RANGE_M: f64 = 1000.0;
-const SPEED_M_S: f64 = 100.0;
+pub(crate) const SPEED_M_S: f64 = 100.0;
 const PRI_S: f64 = 1.0 / 300.0;
-const WAVELENGTH_M: f64 = 299_792_458.0 / 10e9;
+pub(crate) const WAVELENGTH_M: f64 = 299_792_458.0 / 10e9;
 
 /// A strip of 240 m past one point, by an antenna whose beam covers 35 m.
 fn strip() -> String {
@@ -23,7 +23,7 @@ fn strip() -> String {
 }
 
 /// The same strip by antennas with this boresight, body axes, and kind of radar.
-fn strip_looking(boresight: &str, radar: &str) -> String {
+pub(crate) fn strip_looking(boresight: &str, radar: &str) -> String {
     format!(
         r#"name = "strip"
 

@@ -370,6 +370,9 @@ fn wrong_options_and_keys_are_reported_with_advice() {
     // 50 carriers of twice 2 ms to retune, 1 ms of lead and 1 ms of dwell; 8000 bytes each.
     assert!((result["sweep_s"].as_f64().unwrap() - 0.3).abs() < 1e-9);
     assert_eq!(result["disk"][0]["bytes"].as_f64().unwrap().round(), 8e6);
+    // A quarter wavelength of the highest carrier, 1.296 GHz, in a sweep of 0.3 s.
+    let followed_m_s = result["speed"]["limits"]["followed_m_s"].as_f64().unwrap();
+    assert!((followed_m_s / (299_792_458.0 / (4.0 * 1.296e9 * 0.3)) - 1.0).abs() < 1e-9);
     let probed = run(at, "radio probe thesis.toml");
     assert!(probed.succeeded().contains("simulated B210") && probed.stdout.contains("locked"));
     let probed = run(at, "radio probe thesis.toml --set plan.pri=0.1s");

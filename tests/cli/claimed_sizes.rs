@@ -28,9 +28,10 @@ const RECORDING: [&str; 7] = [
     "velocity X --at 1,2 --vx=-1:1:1 --vy=-1:1:1 --out o",
     "plan focus X -o o.json",
 ];
-const IMAGE: [&str; 6] = [
+const IMAGE: [&str; 7] = [
     "info X",
     "compare X X",
+    "pair X X -o o",
     "picture X -o o.png",
     "quality X",
     "export X -o o.tif",

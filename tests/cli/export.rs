@@ -8,11 +8,11 @@ use subaperture::image::ImageSource;
 use subaperture::io::npy;
 use subaperture::io::product;
 use subaperture::monitor::Silent;
-use subaperture::sicd::{Formed, Georeference, Projection, Sicd, SicdFile};
+use subaperture::sicd::{Formed, Georeference, Projection, Sicd, SicdFile, SicdOptions};
 use subaperture_tests::subap::{folder_with_recording, run};
 
 /// Three points seen from 600 km by an X-band satellite squinted forward, in an Earth frame with rotated axes.
-const SPACE: &str = r#"name = "space & time"
+pub(crate) const SPACE: &str = r#"name = "space & time"
 
 [scene]
 reference = "0, 0, 0 m"
@@ -40,7 +40,42 @@ position = "60, -480, 350 km"
 velocity = "7500, 0, 0 m/s"
 "#;
 
-fn sarkit(script: &str, arguments: &[PathBuf]) {
+/// Line of a list for `sicd_map_check.py`: image positions out to `reach_m`, at three heights above the scene centre point, and where they are projected.
+pub(crate) fn places(
+    at: &Path,
+    name: &str,
+    xml: &str,
+    reach_m: f64,
+    heights_m: [f64; 3],
+) -> String {
+    let found = Projection::of(xml).unwrap();
+    let height_m = found.scp().height_m;
+    let mut places = Vec::new();
+    for n in 0..25u8 {
+        let along_m = [n / 5, n % 5].map(|k| 0.5 * reach_m * (f64::from(k) - 2.0));
+        let height_m = height_m + heights_m[usize::from(n % 3)];
+        let place = found.on_height(along_m, height_m).unwrap();
+        let back = found.along_m(place.to_ecf_m()).unwrap();
+        assert!(
+            (0..2).all(|k| (back[k] - along_m[k]).abs() < 1e-4),
+            "{name}"
+        );
+        places.push(serde_json::json!({
+            "along_m": along_m,
+            "height_m": height_m,
+            "latitude_deg": place.latitude_deg,
+            "longitude_deg": place.longitude_deg,
+        }));
+    }
+    let case = serde_json::json!({ "name": name, "xml": xml, "places": places });
+    let path = at.join(format!("{name}.places"));
+    fs::write(&path, case.to_string()).unwrap();
+    format!("places\t{}\n", path.display())
+}
+
+/// Run a script of `tests/python` that uses sarkit.
+#[track_caller]
+pub(crate) fn sarkit(script: &str, arguments: &[PathBuf]) {
     let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
     let script = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("python")
@@ -89,7 +124,11 @@ fn exported_sicd_is_read_and_projected_by_sarkit() {
     // size only.
     let stored = product::open(&at.join("fine")).unwrap();
     let formed = Formed::of_record(&stored.grid, &stored.metadata).unwrap();
-    let sicd = Sicd::in_segments(&formed, &Georeference::default(), 0, 10_000).unwrap();
+    let options = SicdOptions {
+        segment_bytes: 10_000,
+        ..SicdOptions::default()
+    };
+    let sicd = Sicd::with_options(&formed, &Georeference::default(), 0, &options).unwrap();
     let parted = at.join("parted.nitf");
     sicd.write(&parted, &stored.pixels, &Silent).unwrap();
     let segments: usize = String::from_utf8_lossy(&fs::read(&parted).unwrap()[360..363])
@@ -245,40 +284,16 @@ fn sicd_of_every_grid_kind_lies_where_sarkit_projects_it() {
     .succeeded();
     run(at, "export slant -o slant.nitf").succeeded();
     let mut list = String::new();
-    let put = |name: String, xml: String| {
-        let found = Projection::of(&xml).unwrap();
-        let height_m = found.scp().height_m;
-        let mut places = Vec::new();
-        for n in 0..25u8 {
-            let along_m = [n / 5, n % 5].map(|k| 400.0 * (f64::from(k) - 2.0));
-            let height_m = height_m + 15.0 * f64::from(n % 3);
-            let place = found.on_height(along_m, height_m).unwrap();
-            let back = found.along_m(place.to_ecf_m()).unwrap();
-            assert!(
-                (0..2).all(|k| (back[k] - along_m[k]).abs() < 1e-4),
-                "{name}"
-            );
-            places.push(serde_json::json!({
-                "along_m": along_m,
-                "height_m": height_m,
-                "latitude_deg": place.latitude_deg,
-                "longitude_deg": place.longitude_deg,
-            }));
-        }
-        let case = serde_json::json!({ "name": name, "xml": xml, "places": places });
-        let path = at.join(format!("{name}.places"));
-        fs::write(&path, case.to_string()).unwrap();
-        format!("places\t{}\n", path.display())
-    };
+    let put = |name: &str, xml: &str| places(at, name, xml, 800.0, [0.0, 15.0, 30.0]);
     let own = SicdFile::open(&at.join("slant.nitf")).unwrap();
-    list += &put("plane".to_owned(), own.xml().to_owned());
+    list += &put("plane", own.xml());
     for kind in ["PFA", "RGAZCOMP", "INCA"] {
         let geometry = [683e3, 0.15, 7500.0];
-        list += &put(kind.to_owned(), of_kind(own.xml(), kind, geometry));
+        list += &put(kind, &of_kind(own.xml(), kind, geometry));
     }
     for (n, path) in real().into_iter().enumerate() {
         let file = SicdFile::open(&path).unwrap();
-        list += &put(format!("real{n}"), file.xml().to_owned());
+        list += &put(&format!("real{n}"), file.xml());
         let map = format!("real{n}.tif");
         let line = format!("export {} -o {map} --layout amplitude", path.display());
         run(at, &line).succeeded();
@@ -399,6 +414,13 @@ fn stacks_are_zarr_that_xarray_opens() {
     let [one, two, both, alone] = ["one", "two", "both.zarr", "alone"].map(|name| at.join(name));
     sarkit("zarr_check.py", &[both.clone(), one.clone(), two]);
     sarkit("zarr_check.py", &[alone, one]);
+    // Measures of a pair are further arrays of the group.
+    run(
+        at,
+        "pair one two --looks 3x5 --registered --format zarr -o pair",
+    )
+    .succeeded();
+    sarkit("pair_check.py", &[at.join("pair/pair.zarr")]);
     // No temporary file is left.
     let hidden = fs::read_dir(at).unwrap().filter(|entry| {
         let name = entry.as_ref().unwrap().file_name();

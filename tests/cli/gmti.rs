@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
+use num_complex::{Complex32, Complex64};
 use serde_json::Value;
-use subaperture::io::geojson;
+use subaperture::io::{geojson, npy};
 use subaperture_tests::subap::run;
 
 /// Position, metres, and radial velocity, m/s, of the example's movers: velocity across the track times the cosine of the grazing angle.
@@ -134,4 +135,153 @@ fn gmti_tracks_targets_over_dwells() {
     let line = "gmti gmti.cphd -o t.geojson --dwell 0.001";
     run(at, line).failed(1, &["dwell of three pulses"]);
     run(at, "gmti gmti.cphd -o t.geojson --stanag t.4607").failed(2, &["--nationality"]);
+}
+
+/// Detection performance in the example: the page, and the order of the methods by theory.
+#[test]
+fn gmti_evaluates_a_scenario() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = run(at, "simulate --example gmti").succeeded().to_owned();
+    fs::write(at.join("gmti.toml"), text).unwrap();
+    let settings = "--set radar.pulses=520 --sub-cpis 13 --max-speed 10 --trials 20";
+    let line = format!("gmti --evaluate gmti.toml {settings} -o performance.html --json");
+    let record: Value = serde_json::from_str(run(at, &line).succeeded()).unwrap();
+    assert_eq!(record["schema"], "subaperture-gmti-performance");
+    let methods = record["methods"].as_array().unwrap();
+    let mdv = |name: &str| {
+        let own = methods.iter().find(|own| own["method"] == name).unwrap();
+        own["predicted_mdv_m_s"].as_f64().unwrap()
+    };
+    let [one, all] = ["EFA of 3, one sub-CPI", "EFA of 3, all sub-CPIs"].map(mdv);
+    println!("MDV of one sub-CPI {one} m/s, of all {all} m/s");
+    assert!(all < 0.6 * one, "{all} of {one}");
+    for own in methods {
+        let targets = own["curve"].as_array().unwrap().iter();
+        let targets: u64 = targets.map(|at| at["targets"].as_u64().unwrap()).sum();
+        assert_eq!(targets, 20, "{own}");
+    }
+    let page = fs::read_to_string(at.join("performance.html")).unwrap();
+    assert_eq!(page.matches("<img").count(), 4);
+    assert!(!page.contains("http"));
+    let refused = "gmti --evaluate gmti.toml -o other.html";
+    run(at, &format!("{refused} --dwell 1")).failed(2, &["--dwell"]);
+    let invalid = format!("{refused} --sub-cpis 300 --trials 1");
+    run(at, &invalid).failed(1, &["fewer than 300 sub-CPIs"]);
+    run(at, "gmti gmti.cphd -o t.geojson --trials 5").failed(2, &["--evaluate"]);
+    assert!(!at.join("other.html").exists());
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// Inner product `sum conj(a) b`, in float64.
+fn inner(a: &[Complex32], b: &[Complex32]) -> Complex64 {
+    let wide = |z: &Complex32| Complex64::new(z.re.into(), z.im.into());
+    a.iter().zip(b).map(|(a, b)| wide(a).conj() * wide(b)).sum()
+}
+
+/// One pass gives the targets of `subap gmti`, and the mean of the images of the channels.
+///
+/// The oracle is the mean of three separately focused images, each scaled by its least-squares factor on the first. Phase centres are at most 0.5 m apart, and pulses 0.125 m: alignment leaves
+/// out at most 4 of 1040 pulses of each channel, 0.4 % of the energy of its image.
+#[test]
+fn focus_with_gmti_detects_targets_and_writes_the_mean_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    simulate(at, "");
+    run(at, "gmti gmti.cphd -o alone.geojson").succeeded();
+    let line = "focus gmti.cphd --gmti image/targets.geojson --out image --json";
+    let printed: Value = serde_json::from_str(run(at, line).succeeded()).unwrap();
+    let [alone, both] = ["alone.geojson", "image/targets.geojson"].map(|name| json(&at.join(name)));
+    for key in [
+        "schema",
+        "features",
+        "channels",
+        "settings",
+        "sensitivity",
+        "integration",
+    ] {
+        assert_eq!(alone[key], both[key], "{key}");
+    }
+    assert_eq!(printed["features"], both["features"]);
+    let files = printed["files"].as_array().unwrap();
+    let kinds: Vec<&str> = files
+        .iter()
+        .map(|file| file["kind"].as_str().unwrap())
+        .collect();
+    assert_eq!(kinds.len(), 4, "{kinds:?}");
+    assert!(kinds.contains(&"moving targets"), "{kinds:?}");
+    assert!(printed["predicted_error_db"].as_f64().unwrap() <= -60.0);
+    let record = json(&at.join("image/image.json"));
+    let named = record["collection"]["channels"].as_array().unwrap();
+    assert_eq!(named.len(), 3);
+
+    let read = |name: &str| npy::read(&at.join(name).join("image.npy")).unwrap().pixels;
+    let mean = read("image");
+    let channels = ["T1R1", "T1R2", "T1R3"].map(|channel| {
+        run(
+            at,
+            &format!("focus gmti.cphd --channel {channel} --out {channel}"),
+        )
+        .succeeded();
+        read(channel)
+    });
+    let mut expected = vec![Complex64::ZERO; mean.len()];
+    let first = &channels[0];
+    for channel in &channels {
+        let factor = inner(first, channel) / inner(first, first) * 3.0;
+        for (sum, z) in expected.iter_mut().zip(channel) {
+            *sum += Complex64::new(z.re.into(), z.im.into()) / factor;
+        }
+    }
+    let energy: f64 = expected.iter().map(Complex64::norm_sqr).sum();
+    let errors = expected.iter().zip(&mean);
+    let error: f64 = errors
+        .map(|(z, got)| (z - Complex64::new(got.re.into(), got.im.into())).norm_sqr())
+        .sum();
+    println!("{:.1} dB", 10.0 * (error / energy).log10());
+    assert!(error / energy < 4.0 / 1040.0, "{}", error / energy);
+}
+
+#[test]
+fn focus_with_gmti_refuses_one_channel_and_options_that_do_not_apply() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    simulate(at, "");
+    let line = "focus gmti.cphd --gmti t.geojson --out image";
+    run(at, &format!("{line} --channels T1R1")).failed(1, &["at least two channels"]);
+    run(at, "focus gmti.cphd gmti.cphd --gmti t.geojson --out image")
+        .failed(2, &["one recording", "found 2"]);
+    for option in [
+        "--channel T1R1",
+        "--tiled",
+        "--resume",
+        "--plan plan.json",
+        "--velocity 0,1",
+        "--motion motion.csv",
+        "--track mpga",
+        "--phase phase.csv",
+        "--surface slant",
+        "--troposphere exponential",
+        "--beam auto",
+        "--check 10",
+        "--allow-error",
+        "--scratch 1M",
+        "--dry-run",
+    ] {
+        let name = option.split(' ').next().unwrap();
+        run(at, &format!("{line} {option}")).failed(2, &["--gmti", name]);
+    }
+    // Both outputs or neither: another file at the place of the targets is not replaced.
+    fs::write(at.join("t.geojson"), "{}").unwrap();
+    run(at, line).failed(1, &["t.geojson"]);
+    assert!(!at.join("image").exists());
+    run(at, "focus gmti.cphd --gmti u.geojson --out image --window hamming --slow-window taylor --algorithm bp --error-db -50 --channels T1R1,T1R3 --product zarr")
+        .succeeded();
+    let record = json(&at.join("image/image.json"));
+    assert_eq!(record["settings"]["algorithm"], "bp");
+    assert_eq!(record["settings"]["given"]["gmti"], "u.geojson");
+    assert!(at.join("image/stack.zarr").exists() && at.join("u.geojson").exists());
 }

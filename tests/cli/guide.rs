@@ -28,8 +28,22 @@ fn give(name: &str, folder: &Path) {
         "srtm" => srtm(folder),
         "rail" => rail(folder),
         "lot.cphd" => lot(folder),
+        "strip.h5" => strip(folder),
         _ => panic!("no rule for '{name}'"),
     }
+}
+
+/// NISAR L0B file of two polarisations.
+fn strip(folder: &Path) {
+    let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
+    let made = tempfile::tempdir().unwrap();
+    let status = Command::new(&python)
+        .arg(root().join("tests/python/l0b_write.py"))
+        .arg(made.path())
+        .status()
+        .unwrap_or_else(|e| panic!("cannot run {python:?} ({e}) with numpy and h5py"));
+    assert!(status.success(), "{status}");
+    fs::copy(made.path().join("half.h5"), folder.join("strip.h5")).unwrap();
 }
 
 /// A page with its blocks.
@@ -222,12 +236,15 @@ pages! {
     export_page_runs: "host/guide/src/howto/export.md",
     gmti_page_runs: "host/guide/src/howto/gmti.md",
     jobs_page_runs: "host/guide/src/howto/jobs.md",
+    l0b_page_runs: "host/guide/src/howto/l0b.md",
     library_page_runs: "host/guide/src/howto/library.md",
     maps_page_runs: "host/guide/src/howto/maps.md",
     measure_page_runs: "host/guide/src/howto/measure.md",
+    pairs_page_runs: "host/guide/src/howto/pairs.md",
     pictures_page_runs: "host/guide/src/howto/pictures.md",
     surfaces_page_runs: "host/guide/src/howto/surfaces.md",
     velocity_page_runs: "host/guide/src/howto/velocity.md",
+    cluster_page_runs: "host/guide/src/python/cluster.md",
     first_image_page_runs: "host/guide/src/tutorials/first-image.md",
     large_images_page_runs: "host/guide/src/tutorials/large-images.md",
     module_page_runs: "host/guide/src/tutorials/module.md",

@@ -123,6 +123,11 @@ fn locks_of_dead_runs_are_removed_and_others_kept() {
     fs::write(at.join(format!(".subap-{dead}-1-0.part")), "half").unwrap();
     fs::create_dir(at.join(format!(".subap-{dead}-1-1"))).unwrap();
     fs::write(at.join(format!(".subap-{dead}-1-1/image.npy")), "half").unwrap();
+    // A run that was killed after it created a store of tiles leaves a lock within the product.
+    let product = at.join("other");
+    fs::create_dir(&product).unwrap();
+    let store = key("image.zarr");
+    fs::write(product.join(format!(".subap-{store}.lock")), "").unwrap();
     // Unfinished maps are kept, because they can be read up to their end.
     let maps = at.join(format!(".subap-{dead}-1-2.maps.part"));
     fs::write(&maps, "SUBAPMAP").unwrap();
@@ -141,11 +146,15 @@ fn locks_of_dead_runs_are_removed_and_others_kept() {
         "focus scene.cphd --out other -a bp --grid x=-2:2:1,y=-2:2:1",
     )
     .succeeded();
-    let hidden: Vec<String> = fs::read_dir(at)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name.starts_with(".subap-"))
-        .collect();
+    let hidden = |folder: &Path| -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name.starts_with(".subap-"))
+            .collect()
+    };
+    assert_eq!(hidden(&product), [""; 0]);
+    let hidden = hidden(at);
     let mut expected: Vec<String> = kept.map(str::to_owned).to_vec();
     expected.push(maps.file_name().unwrap().to_str().unwrap().to_owned());
     expected.push(format!(".subap-{}.lock", key("out")));

@@ -38,8 +38,8 @@ fn grid_beyond_disk_is_refused_first() {
 fn work_beyond_memory_is_refused_cleanly() {
     let folder = scene();
     let before = listing(folder.path());
-    // 26 MiB leave 4 for the work: the image of 1.2 MB fits, but not the buffers of the exact sum.
-    let line = "focus scene.cphd --out out --threads 2 --memory 26M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
+    // 28 MiB leave 4 for the work: the image of 1.2 MB fits, but not the buffers of the exact sum.
+    let line = "focus scene.cphd --out out --threads 2 --memory 28M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
     run(folder.path(), line).failed(1, &["allowed", "--memory"]);
     assert_eq!(listing(folder.path()), before);
 }
@@ -48,7 +48,7 @@ fn work_beyond_memory_is_refused_cleanly() {
 fn check_beyond_memory_is_refused_before_work() {
     let folder = scene();
     let before = listing(folder.path());
-    // 160 000 pixels: an image of 1.28 MB, and 16 MB to compare all of them; 10 MiB are for the work.
+    // 160 000 pixels: an image of 1.28 MB, and 16 MB to compare all of them; 9 MiB are for the work.
     let line = "focus scene.cphd --out out -a bp --threads 2 --memory 32M --grid x=-40:40:0.2,y=-40:40:0.2";
     run(folder.path(), &format!("{line} --check 1000000"))
         .failed(1, &["--check", "check fewer pixels", "--memory"]);
@@ -71,7 +71,7 @@ fn images_beyond_memory_are_compared_part_by_part() {
     npy::write(&folder.path().join("b.npy"), &image).unwrap();
     let ran = run(
         folder.path(),
-        "compare b.npy a.npy --threads 2 --memory 26M",
+        "compare b.npy a.npy --threads 2 --memory 28M",
     );
     assert!(ran.succeeded().contains("-55.56 dB"), "{ran:?}");
 }
@@ -80,7 +80,7 @@ fn images_beyond_memory_are_compared_part_by_part() {
 fn demonstration_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     // One image of 200 x 200 pixels needs 320 kB, all of them 6.4 MB; 4 MiB are for the work.
-    let line = "demo --out demo --threads 2 --memory 26M --grid x=-20:20:0.2,y=-20:20:0.2";
+    let line = "demo --out demo --threads 2 --memory 28M --grid x=-20:20:0.2,y=-20:20:0.2";
     run(folder.path(), line).failed(1, &["20 images", "200 x 200", "--memory"]);
     assert!(listing(folder.path()).is_empty());
 }

@@ -1,4 +1,4 @@
-//! `subap plan focus`: its cost in words and in JSON; grids outside the recorded interval of ranges.
+//! `subap plan focus`: its cost in words and in JSON; grids outside the recorded delays.
 
 use serde_json::Value;
 use subaperture_tests::subap::run;
@@ -23,21 +23,31 @@ fn a_plan_states_the_cost_of_comparing_with_the_exact_sum() {
 }
 
 #[test]
-fn pixels_outside_the_recorded_ranges_are_counted() {
+fn pixels_outside_the_recorded_delays_are_zero_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // Profiles of 192 m about the scene's middle, on a track in the direction of x at y = -5 km.
+    // Profiles of 191 m about the scene's middle, on a track in the direction of x at y = -5 km. They are recorded up
+    // to y = 95.5 m.
     run(at, "simulate --preset table-4-1 -o a.cphd").succeeded();
-    let named = "of the pixels lie outside the recorded interval of ranges";
-    for (out, rows, is_warned) in [
-        ("outside", "200:204", true),
-        ("within", "80:84", false),
-        ("partly", "94:98", true),
-    ] {
+    let focus = |out: &str, rows: &str| {
         let line = format!("focus a.cphd --grid x=-2:2:1,y={rows}:1 -o {out} --allow-error");
-        let ran = run(at, &line);
-        assert_eq!(ran.stderr.contains(named), is_warned, "{out}: {ran:?}");
+        run(at, &line)
+    };
+    let refused = "no pixel lies within the recorded delays";
+    focus("outside", "200:204").failed(1, &[refused, "5200 m to 5203 m"]);
+    let named = "pixels lie outside the recorded delays";
+    for (out, rows, share) in [
+        ("within", "80:84", None),
+        ("partly", "94:98", Some("8 of 16 pixels")),
+    ] {
+        let ran = focus(out, rows);
+        assert_eq!(
+            ran.stderr.contains(named),
+            share.is_some(),
+            "{out}: {ran:?}"
+        );
         let record = std::fs::read_to_string(at.join(out).join("image.json")).unwrap();
-        assert_eq!(record.contains(named), is_warned, "{record}");
+        assert_eq!(record.contains(named), share.is_some(), "{record}");
+        assert!(record.contains(share.unwrap_or_default()), "{record}");
     }
 }

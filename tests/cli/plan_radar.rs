@@ -1,5 +1,7 @@
 //! `subap plan radar`.
 
+use std::fs;
+
 use serde_json::Value;
 use subaperture_tests::subap::{listing, run};
 
@@ -75,6 +77,105 @@ fn recording_is_planned_like_its_pass() {
         picture("pictures/ambiguity.png"),
         picture("code/ambiguity.png")
     );
+}
+
+/// Pass of the radar of Chim 2018, 5.6, on a platform of 0.1 m/s.
+const L_BAND: &str =
+    "--carrier 1.2GHz --bandwidth 200MHz --frequencies 50 --range 16 --scene 20 --velocity 0.1";
+
+#[test]
+fn chain_is_planned_with_warnings_of_compressing_stages() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let example = run(at, "plan radar --example");
+    fs::write(at.join("chain.toml"), example.succeeded()).unwrap();
+    let ran = run(at, &format!("plan radar --chain chain.toml {L_BAND}"));
+    let text = ran.succeeded();
+    // 5.3: noise figure of 1.604 dB and 36 dBm; Fig. A.5: compression at 29 dBm. A quarter of 231.3 mm (1.296 GHz) in 0.3 s, and
+    // c / (20 1.198 GHz 0.3 s).
+    for part in [
+        "36.0 dBm",
+        "above full scale",
+        "noise figure dB",
+        "dynamic range",
+        "B210 saturates first",
+        "50 carriers in 300 ms, every 300 ms",
+        "0.1928 m/s in any direction, half a turn of phase from sweep to sweep: kept",
+        "displaced by 0.1 cells at 41.71 mm/s without motion compensation: NOT kept",
+        "0.3855 m/s from sweep to sweep",
+    ] {
+        assert!(text.contains(part), "no '{part}' in {text}");
+    }
+    let warning = "warning: PA: level of 36.0 dBm exceeds the output compression point of 29.0 dBm; insert 7.0 dB of attenuation before it";
+    assert!(ran.stderr.contains(warning), "{}", ran.stderr);
+    let ran = run(
+        at,
+        &format!("plan radar --chain chain.toml {L_BAND} --beamwidth 20 --json"),
+    );
+    let plan: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let number = |place: &str| plan.pointer(place).unwrap().as_f64().unwrap();
+    assert_eq!(plan["chain"]["receive"][1]["name"], "LNA");
+    assert!((number("/chain/receive/2/noise_figure_db") - 1.604).abs() < 5e-4);
+    // Both are 1 m^2 of the same energy; the converter adds its quantisation noise.
+    let lost_db = number("/sensitivity/image_snr_db") - number("/chain/converter/image_snr_db");
+    let noises_db = number("/chain/converter/quantisation_noise_dbm")
+        - number("/chain/converter/thermal_noise_dbm");
+    let expected_db = 10.0 * (1.0 + 10f64.powf(noises_db / 10.0)).log10();
+    assert!(
+        (lost_db - expected_db).abs() < 1e-6,
+        "{lost_db} {expected_db}"
+    );
+    // Within 10 degrees of broadside the radial speed is 0.173648 of the platform's.
+    let beam_m_s = number("/sweep/limits/followed_m_s");
+    assert!(
+        (beam_m_s * 0.173_648 / 0.192_768 - 1.0).abs() < 1e-4,
+        "{beam_m_s}"
+    );
+    let keys = run(at, "plan radar --keys");
+    for key in ["[[receive]]", "noise_figure", "carrier_time", "[converter]"] {
+        assert!(keys.succeeded().contains(key), "{key}");
+    }
+    assert_eq!(listing(at).len(), 1);
+}
+
+#[test]
+fn faults_of_a_chain_are_reported_with_their_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let example = run(at, "plan radar --example").succeeded().to_owned();
+    fs::write(at.join("chain.toml"), &example).unwrap();
+    let damaged = example.replace("noise_figure = \"1.6 dB\"", "noise_figure = \"1.6 dBm\"");
+    let line = 1 + damaged
+        .lines()
+        .position(|line| line.contains("1.6 dBm"))
+        .unwrap();
+    fs::write(at.join("damaged.toml"), damaged).unwrap();
+    let place = format!("damaged.toml:{line}:16");
+    for (line, code, parts) in [
+        (
+            "plan radar --chain damaged.toml",
+            1,
+            vec![&*place, "found a power"],
+        ),
+        ("plan radar --chain missing.toml", 1, vec!["missing.toml"]),
+        (
+            "plan radar --chain chain.toml --frequencies 50 --prf 4 --velocity 0.1 --scene 20 --range 16",
+            1,
+            vec!["sweep of 50 carriers", "250 ms", "300 ms", "carrier_time"],
+        ),
+        (
+            "plan radar --chain chain.toml --power 1",
+            2,
+            vec!["--power", "--chain"],
+        ),
+        (
+            "plan radar --keys --example",
+            2,
+            vec!["--keys", "--example"],
+        ),
+    ] {
+        run(at, line).failed(code, &parts);
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use subaperture::io::npy;
+use subaperture_tests::numpy;
 use subaperture_tests::subap::{command, run};
 
 /// A 24 GHz sweep on a rail of 1.2 m past three points.
@@ -211,14 +212,7 @@ fn description_errors_state_the_expected_value() {
 fn pulse_longer_than_its_record_is_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let mut echoes = b"\x93NUMPY\x01\x00".to_vec();
-    let header = format!(
-        "{:<117}\n",
-        "{'descr': '<c8', 'fortran_order': False, 'shape': (4, 64), }"
-    );
-    echoes.extend((header.len() as u16).to_le_bytes());
-    echoes.extend(header.as_bytes());
-    echoes.resize(echoes.len() + 4 * 64 * 8, 0x3c);
+    let echoes = numpy::array("<c8", "(4, 64)", &[0x3c; 4 * 64 * 8]);
     fs::write(at.join("echoes.npy"), echoes).unwrap();
     let text = |pulse: &str| {
         format!(

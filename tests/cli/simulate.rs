@@ -237,7 +237,7 @@ fn antenna_pairs_are_channels() {
 fn simulation_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.toml"), SOUND).unwrap();
-    let line = "simulate a.toml -o out.cphd --threads 2 --memory 26M --set radar.pulses=100000";
+    let line = "simulate a.toml -o out.cphd --threads 2 --memory 28M --set radar.pulses=100000";
     run(folder.path(), line).failed(1, &["100000 pulses", "raise --memory"]);
     assert!(!folder.path().join("out.cphd").exists());
 }

@@ -2,12 +2,11 @@
 //! into its SICD images by the images' own metadata, and back, by NGA's sarkit.
 
 use std::fs;
-use std::path::PathBuf;
-use std::process::Command;
 
 use glam::DVec3;
 use subaperture::io::cphd::{Cphd, ReferenceSurface};
 use subaperture_tests::dem::{degree_m, east_north_up_m, ecf_m};
+use subaperture_tests::python;
 use subaperture_tests::subap::{run, write_recording};
 
 /// Latitude, longitude (degrees), height above the ellipsoid (m) of the scene's origin.
@@ -33,7 +32,7 @@ pulses = 200
 pri = "12.5 ms"
 centre = "9.6 GHz"
 bandwidth = "300 MHz"
-samples = 200
+samples = 6600
 [platform]
 kind = "linear"
 position = "180, -480, 350 km"
@@ -94,17 +93,7 @@ fn sarkit_projects_reflectors_by_sicd_metadata() {
         run(at, &line).failed(1, &["above the ellipsoid", "plane"]);
     }
     fs::write(at.join("list.txt"), list).unwrap();
-    let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("python/points_check.py");
-    let output = Command::new(&python)
-        .arg(script)
-        .arg(at.join("list.txt"))
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    println!("{text}");
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{text}{errors}");
+    python::script("points_check.py", [at.join("list.txt")]);
 }
 
 /// Tropospheric delay between a point and the satellite as path, metres: N exp(-h / 7.35 km) integrated along the line, whose height over

@@ -441,7 +441,7 @@ fn dark_tiled_image_is_planned_again_for_smaller_error() {
     let expected = store(&folder.join("whole"));
     let line = format!("{line} --tiled --resume -o killed");
     let mut random = ChaCha8Rng::seed_from_u64(5);
-    for _ in 0..8 {
+    for _ in 0..3 {
         let mut child = command(folder, line.split_whitespace())
             .stdout(Stdio::null())
             .stderr(Stdio::null())

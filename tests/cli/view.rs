@@ -364,8 +364,8 @@ fn memory_holds_under_fifty_clients() {
     run(at, &format!("focus table.cphd {grid} -o image"));
     run(at, &format!("focus table.cphd {grid} --tiled -o tiled"));
     let view = "view image tiled --maps table.cphd --threads 2 --memory";
-    run(at, &format!("{view} 26M")).failed(1, &["at least", "found 26.0 MiB", "--memory"]);
-    for mib in [29, 64] {
+    run(at, &format!("{view} 28M")).failed(1, &["at least", "found 28.0 MiB", "--memory"]);
+    for mib in [31, 64] {
         let line = format!("{view} {mib}M");
         let served = Served::begin(at, &line);
         served.settled();

@@ -35,6 +35,19 @@ fn tried(name: &str, seconds: f64) {
     assert!(tried.executions > 10, "{name}: {tried:?}");
 }
 
+/// Mutations of an unreadable seed would test only the first check.
+#[test]
+fn seeds_of_l0b_are_read() {
+    let l0b = target("l0b");
+    for seed in (l0b.seeds)() {
+        let outcome = (l0b.read)(&seed);
+        assert!(
+            outcome.starts_with("1 channels") && !outcome.contains("expected"),
+            "{outcome}"
+        );
+    }
+}
+
 macro_rules! targets {
     ($($name:ident)*) => {
         $(
@@ -62,6 +75,6 @@ macro_rules! targets {
 }
 
 targets! {
-    job plan cphd crsd matlab matlab_packed npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv motive
-    frames endpoint session sigmf sicd images terrain geojson
+    job plan cphd crsd l0b matlab matlab_packed npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv motive
+    frames endpoint session sigmf sicd images terrain geojson touchstone scpi
 }

@@ -74,9 +74,9 @@ fn numbers_of_one_byte_are_counted_as_samples(path: &Path) {
         // Uncompressed, without its own tag of 8 bytes.
         (matlab::file(&[matlab::compressed(&data)]), data.len() - 8),
     ] {
-        // A sample needs 8 bytes, a frequency 8, a pulse 240 and four numbers of 8 each.
+        // A sample needs 8 bytes, a frequency 8, a pulse 264 and four numbers of 8 each.
         let (k, n) = (rows as usize, columns as usize);
-        let needed = bytes.len() + unpacked + 8 * k * n + 8 * k + (240 + 32) * n;
+        let needed = bytes.len() + unpacked + 8 * k * n + 8 * k + (264 + 32) * n;
         let (result, peak) = measured_within(path, &bytes, needed as u64 - 1);
         match result {
             Err(ReadError::Memory { needed_bytes, .. }) => assert_eq!(needed_bytes, needed as u64),

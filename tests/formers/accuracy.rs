@@ -351,7 +351,7 @@ fn command_refuses_or_exits_with_status_3() {
     .succeeded();
     // The default former refuses, unless `--allow-error` is given.
     let before = listing(path);
-    let strict = "focus s.cphd --grid x=3000:3030:2,y=-15:15:2 --error-db -100";
+    let strict = "focus s.cphd --grid x=700:730:2,y=-15:15:2 --error-db -100";
     run(path, &format!("{strict} --out refused"))
         .failed(1, &["predicted error", "-100 dB", "--allow-error"]);
     assert_eq!(listing(path), before);

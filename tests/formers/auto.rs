@@ -28,6 +28,7 @@ fn collection(num_pulses: usize, num_samples: usize, length_m: f64) -> Collectio
             start_hz: 9.7e9,
             step_hz: 600e6 / num_samples as f64,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     Collection {

@@ -39,6 +39,7 @@ pub(crate) fn strip(
             step_hz: 3e6,
             time_s: interval_s * n as f64,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     });
     let collection = Collection {

@@ -49,6 +49,7 @@ impl Scene {
                 start_hz,
                 step_hz,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         let collection = Collection {

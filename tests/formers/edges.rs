@@ -2,8 +2,9 @@
 //! beyond any memory. None panics; an image that is formed equals the exact sum; a refusal states its reason.
 
 use glam::DVec3;
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 use subaperture::Focusing;
+use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
@@ -62,6 +63,8 @@ fn history(
                 start_hz: 1e9,
                 step_hz: 1e6,
                 sweep: Sweep::AT_ONCE,
+                // The sum is defined at all places.
+                recorded_path_m: Some([0.0, 1e12]),
             }
         })
         .collect();
@@ -221,22 +224,49 @@ fn extreme_positions_and_grids_do_not_panic() {
 }
 
 #[test]
-fn image_warns_of_pixels_outside_the_recorded_ranges() {
+fn pixels_outside_the_recorded_delays_are_zero_in_every_former() {
     // Profiles of 192 m about the scene's middle, on a track in the direction of x at y = -5 km.
     let history = Preset::Table41.simulate(&Variation::default());
-    for (rows, shares) in [
-        ("200:204", Some("100.0 % of the pixels")),
-        ("80:84", None),
-        ("94:98", Some("50.0 % of the pixels")),
-    ] {
-        let grid = grid(&format!("x=-2:2:1,y={rows}:1"));
-        let image = Focusing::new(&history, &grid).allow_error().by(&Exact);
-        let warnings = image.unwrap().warnings;
-        let named = "lie outside the recorded interval of ranges";
-        let found = warnings.iter().find(|warning| warning.contains(named));
-        match shares {
-            Some(shares) => assert!(found.unwrap().contains(shares), "{warnings:?}"),
-            None => assert_eq!(found, None),
+    let outside = grid("x=-2:2:1,y=200:204:1");
+    let partly = grid("x=-16:16:1,y=80:112:1");
+    let half_m = 0.5 * SPEED_OF_LIGHT_M_S / history.collection().pulses[0].step_hz;
+    let covered = |place_m: DVec3| {
+        let pulses = &history.collection().pulses;
+        pulses.iter().all(|pulse| {
+            let path_m = place_m.distance(pulse.transmitter_m) + place_m.distance(pulse.receiver_m);
+            (path_m - pulse.reference_path_m).abs() <= half_m
+        })
+    };
+    for former in formers() {
+        let error = Focusing::new(&history, &outside).by(&*former).unwrap_err();
+        let named = "no pixel lies within the recorded delays";
+        assert!(
+            error.to_string().contains(named),
+            "{}: {error}",
+            former.name()
+        );
+        let image = Focusing::new(&history, &partly).allow_error().by(&*former);
+        let image = match image {
+            Err(FormError::Unsuited(_)) => continue,
+            image => image.unwrap(),
+        };
+        let mut count = 0;
+        for (i, pixel) in image.image.pixels.iter().enumerate() {
+            let is_covered = covered(partly.position_m(i / 32, i % 32));
+            assert_eq!(
+                *pixel != Complex32::ZERO,
+                is_covered,
+                "{} {i}",
+                former.name()
+            );
+            count += usize::from(!is_covered);
         }
+        let named = format!("{count} of 1024 pixels lie outside the recorded delays");
+        let warnings = &image.warnings;
+        assert!(
+            warnings.iter().any(|warning| warning.contains(&named)),
+            "{warnings:?}"
+        );
+        assert!((500..540).contains(&count), "{count}");
     }
 }

@@ -1,16 +1,19 @@
 //! Execution of plans by tiles. A stricter plan replaces one whose image exceeds the bound, as for an image formed in memory.
 
 use std::error::Error;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::{ImageSink, InMemory, Sink};
 use subaperture::focus::{
-    BoundPolicy, Execution, FormError, ImageFormer, ImageSpec, Plan, Task, Tile, TileRecord,
+    BoundPolicy, Decision, ErrorGoal, Execution, FormError, FormerChoices, Forming, ImageFormer,
+    ImageSpec, Plan, Task, Tile, TileRecord,
 };
 use subaperture::geometry::ImageGrid;
 use subaperture::image::ImageSource;
-use subaperture::monitor::Silent;
+use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
@@ -158,5 +161,88 @@ fn incomplete_image_has_no_error() {
         let odd: Vec<usize> = (0..plan.num_tiles()).filter(|i| i % 2 == 1).collect();
         assert_eq!(sink.taken, odd);
         assert_eq!(sink.plans.len(), 1);
+    });
+}
+
+/// Fast factorised backprojection whose second plan falls short of its request by 8 dB.
+struct Hesitant {
+    error_db: f64,
+    num_plans: Arc<AtomicUsize>,
+}
+
+impl Hesitant {
+    fn former(&self) -> FastFactorised {
+        FastFactorised {
+            error_db: self.error_db,
+        }
+    }
+}
+
+impl ImageFormer for Hesitant {
+    fn name(&self) -> &'static str {
+        "ffbp"
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        ImageFormer::settings(&self.former())
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        let short_db = match self.num_plans.fetch_add(1, Ordering::Relaxed) {
+            1 => 8.0,
+            _ => 0.0,
+        };
+        let error_db = self.error_db + short_db;
+        ImageFormer::decide(&FastFactorised { error_db }, spec, goal, monitor)
+    }
+
+    fn open<'a>(
+        &self,
+        spec: ImageSpec<'a>,
+        choices: &FormerChoices,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        ImageFormer::open(&self.former(), spec, choices)
+    }
+
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self {
+            error_db,
+            num_plans: Arc::clone(&self.num_plans),
+        }))
+    }
+}
+
+#[test]
+fn image_is_planned_again_until_the_bound_is_kept() {
+    with_case(|former, plan, execution, _| {
+        let hesitant = Hesitant {
+            error_db: former.error_db,
+            // The first plan is the given one.
+            num_plans: Arc::new(AtomicUsize::new(1)),
+        };
+        let execution = Execution {
+            former: &hesitant,
+            spec: execution.spec,
+            work: execution.work,
+            may_replan: true,
+        };
+        let mut sink = Recorded::new(|_| true);
+        let executed = execution.run(plan, &mut sink).unwrap().unwrap();
+        let planned: Vec<f64> = sink.plans.iter().map(|plan| plan.planned_db).collect();
+        assert_eq!(planned.len(), 3, "{planned:?}");
+        assert!(
+            planned[1] < planned[0] && planned[2] < planned[1] - 7.0,
+            "{planned:?}"
+        );
+        assert!(executed.judgement.predicted_db() <= former.error_db);
     });
 }

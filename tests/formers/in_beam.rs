@@ -1,5 +1,8 @@
 //! Every former restricted to a beam: against the plain sum over the pulses that illuminate each block, in tiles, and by a stored plan.
 
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::beam::{Beam, BeamSource, InBeam};
 use subaperture::focus::formers::{self, FORMERS};
@@ -10,7 +13,7 @@ use subaperture::geometry::ImageGrid;
 use subaperture::io::cphd::{self, WriteOptions};
 use subaperture::io::recording::{self, Raw};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
+use subaperture::phase_history::{Collection, InMemory, PhaseHistory, ReadError, Weights};
 use subaperture::prelude::{Backprojection, BeamChoice, Focusing};
 use subaperture::signal::window::Window;
 use subaperture::simulate::scenario::Scenario;
@@ -24,6 +27,20 @@ const PULSES: usize = 240;
 fn strip() -> InMemory {
     let (collection, samples) = beam_scene::strip("strip", PULSES, |_| SQUINT_RAD);
     InMemory::new(collection, samples).unwrap()
+}
+
+/// A recording that counts the pulses read.
+struct Counted<'a>(&'a InMemory, AtomicUsize);
+
+impl PhaseHistory for Counted<'_> {
+    fn collection(&self) -> &Collection {
+        self.0.collection()
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.1.fetch_add(pulses.len(), Ordering::Relaxed);
+        self.0.read(pulses, samples)
+    }
 }
 
 fn beam() -> Beam {
@@ -155,6 +172,28 @@ fn tiles_of_stored_plan_in_beam_are_bit_identical_to_whole_image() {
                 measured_db <= judged.predicted_db(),
                 "{name}: {measured_db} {judged:?}"
             );
+            // Processes of one tile each read some of the pulses, and the last one measures the same error.
+            let mut parts = Tiles::of(&plan);
+            let mut least = usize::MAX;
+            for index in 0..plan.num_tiles() {
+                let counted = Counted(&history, AtomicUsize::new(0));
+                let opened = plan.open(history.collection(), &weights).unwrap();
+                let work = Work {
+                    history: &counted,
+                    ..work
+                };
+                opened.form(&work, &[index], 1, &mut parts).unwrap();
+                least = least.min(counted.1.into_inner());
+            }
+            assert_eq!(parts.image.pixels, whole, "{name} {tile:?}");
+            let num_pulses = history.collection().pulses.len();
+            assert!(
+                plan.num_tiles() == 1 || least < num_pulses,
+                "{name} {tile:?}: {least}"
+            );
+            let parts: Vec<_> = parts.records.into_values().collect();
+            let again = opened.judge_again(&parts, &history, None, &Silent).unwrap();
+            assert_eq!(again, judged, "{name} {tile:?}");
         }
     }
 }

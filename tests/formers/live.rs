@@ -412,13 +412,44 @@ fn sliding_window_shows_last_pulses_without_residue_of_older_ones() {
     }
 }
 
+/// The recorded delays of pulse 1 end at the origin's: pixels beyond are zero as long as this pulse belongs to the aperture.
+#[test]
+fn pixels_outside_recorded_delays_of_a_pulse_are_zero() {
+    let (experiment, grid) = (pass(), grid());
+    let mut pulses = Pulses::of(&experiment.record(PAIR).unwrap());
+    let settings = unweighted().last_pulses(3);
+    let mut whole = Live::new(&grid, pulses.width, &settings).unwrap();
+    (0..4).for_each(|n| pulses.push(&mut whole, n));
+    let path_m =
+        |pulse: &Pulse, at: DVec3| at.distance(pulse.transmitter_m) + at.distance(pulse.receiver_m);
+    let end_m = path_m(&pulses.pulses[1], DVec3::ZERO);
+    pulses.pulses[1].recorded_path_m = Some([0.5 * end_m, end_m]);
+    let mut live = Live::new(&grid, pulses.width, &settings).unwrap();
+    (0..4).for_each(|n| pulses.push(&mut live, n));
+    let mut num_zero = 0;
+    let pixels = live.image().pixels.into_iter().zip(whole.image().pixels);
+    for (point_m, (own, of_whole)) in pixels_m(&grid).into_iter().zip(pixels) {
+        let covered = path_m(&pulses.pulses[1], point_m) <= end_m;
+        num_zero += usize::from(!covered);
+        let expected = if covered { of_whole } else { Complex32::ZERO };
+        assert_eq!(own, expected, "{point_m}");
+    }
+    assert!(num_zero > 100, "{num_zero}");
+    assert!(live.accuracy().measured_db < -60.0);
+    // Pulse 1 leaves the aperture of pulses 2 to 4; its values were added and subtracted at covered pixels only.
+    for live in [&mut live, &mut whole] {
+        pulses.push(live, 4);
+    }
+    assert!(difference_db(&live.image().pixels, &widened(&whole.image())) < -120.0);
+}
+
 #[test]
 fn memory_is_bounded_and_refused_beyond_bound() {
     let grid = grid();
     let mut settings = unweighted().memory_bytes(1 << 20);
     let live = Live::new(&grid, 64, &settings).unwrap();
-    // 24 bytes for each pixel, and the window.
-    assert_eq!(live.held_bytes(), u128::from(grid.num_pixels()) * 24 + 512);
+    // 28 bytes for each pixel, and the window.
+    assert_eq!(live.held_bytes(), u128::from(grid.num_pixels()) * 28 + 512);
     for count in [4000, usize::MAX] {
         settings = settings.last_pulses(count);
         match Live::new(&grid, 64, &settings).err().unwrap() {
@@ -426,8 +457,8 @@ fn memory_is_bounded_and_refused_beyond_bound() {
                 needed_bytes,
                 allowed_bytes,
             } => {
-                let own = u128::from(grid.num_pixels()) * 48 + 512;
-                assert_eq!(needed_bytes, own + count as u128 * (64 * 8 + 240));
+                let own = u128::from(grid.num_pixels()) * 56 + 512;
+                assert_eq!(needed_bytes, own + count as u128 * (64 * 8 + 264));
                 assert_eq!(allowed_bytes, 1 << 20);
             }
             error => panic!("{error}"),

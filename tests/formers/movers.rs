@@ -255,6 +255,7 @@ fn fast_target_needs_keystone() {
                 start_hz: 9.5e9,
                 step_hz: 1e9 / 256.0,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         })
         .collect();

@@ -32,6 +32,7 @@ fn near(num_pulses: usize, num_samples: usize) -> Counted {
             start_hz: 9.7e9,
             step_hz,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     let collection = Collection {

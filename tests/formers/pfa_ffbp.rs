@@ -191,7 +191,7 @@ fn polar_format_error_far_from_centre_agrees_with_theory() {
     for (x, y) in [
         (0.0f64, 40.0f64),
         (0.0, 80.0),
-        (0.0, 160.0),
+        (0.0, 85.0),
         (80.0, 0.0),
         (160.0, 20.0),
     ] {

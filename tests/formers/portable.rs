@@ -55,6 +55,7 @@ fn history() -> phase_history::InMemory {
             start_hz: 5e9,
             step_hz: 1e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     let collection = Collection {

@@ -56,6 +56,7 @@ impl Radar {
                     start_hz,
                     step_hz,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 }
             })
             .collect();

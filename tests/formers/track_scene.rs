@@ -28,6 +28,8 @@ pub(crate) fn scene(
                 start_hz,
                 step_hz,
                 sweep: Sweep::AT_ONCE,
+                // The sum is defined at all places.
+                recorded_path_m: Some([0.0, 1e12]),
             }
         })
         .collect();

@@ -112,12 +112,12 @@ fn example_tiles_form_whole_image() {
 fn example_live_image_equals_image_of_its_pulses() {
     let folder = tempfile::tempdir().unwrap();
     let text = prints(folder.path(), "live", &["."]);
-    // 24 bytes for each of 100 x 100 pixels, and the window.
+    // 28 bytes for each of 100 x 100 pixels, and the window.
     let samples = Preset::Table41
         .simulate(&Variation::default())
         .collection()
         .num_samples;
-    assert_eq!(numbers(&text, "memory:"), [(240_000 + 8 * samples) as f64]);
+    assert_eq!(numbers(&text, "memory:"), [(280_000 + 8 * samples) as f64]);
     for count in [260, 520, 780, 1040] {
         let error_db = numbers(&text, &format!("after {count} pulses: error below"));
         assert!(error_db[0] < -60.0, "{text}");

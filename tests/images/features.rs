@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that forming images from arrays does not need, with the features that enable each.
-const OPTIONAL: [(&str, &[&str]); 26] = [
+const OPTIONAL: [(&str, &[&str]); 27] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
@@ -21,6 +21,7 @@ const OPTIONAL: [(&str, &[&str]); 26] = [
         &[
             "recording",
             "simulate",
+            "planner",
             "autofocus",
             "radio",
             "uhd",
@@ -42,7 +43,10 @@ const OPTIONAL: [(&str, &[&str]); 26] = [
     ("subaperture-sicd", &["sicd"]),
     ("tiff", &["terrain"]),
     ("subaperture-planner", &["planner"]),
-    ("subaperture-quality", &["quality", "autofocus", "viewer"]),
+    (
+        "subaperture-quality",
+        &["quality", "autofocus", "viewer", "interferometry"],
+    ),
     ("subaperture-autofocus", &["autofocus"]),
     ("subaperture-maps", &["maps", "terrain"]),
     ("subaperture-motion", &["motion", "radio", "uhd", "viewer"]),
@@ -64,6 +68,7 @@ const OPTIONAL: [(&str, &[&str]); 26] = [
     ("axum", &["viewer"]),
     ("subaperture-gpu", &["gpu"]),
     ("subaperture-gmti", &["gmti"]),
+    ("subaperture-interferometry", &["interferometry"]),
     ("wgpu", &["gpu"]),
 ];
 
@@ -77,7 +82,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature with its own dependencies.
-const FEATURES: [&str; 21] = [
+const FEATURES: [&str; 22] = [
     "cphd",
     "gotcha",
     "npz",
@@ -99,6 +104,7 @@ const FEATURES: [&str; 21] = [
     "terrain",
     "gpu",
     "gmti",
+    "interferometry",
 ];
 
 /// All packages compiled into a program that uses the library with `features` only.

@@ -3,9 +3,8 @@
 //! Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
 use std::fs;
-use std::path::PathBuf;
-use std::process::Command;
 
+use subaperture_tests::python;
 use subaperture_tests::subap::{folder_with_recording, run};
 
 /// One point off the middle, seen from the south.
@@ -70,17 +69,7 @@ fn gdal_reads_point_at_its_true_position() {
     let level = record["brightest"]["level_db"].to_string();
     fs::write(at.join("expected.json"), EXPECTED.replace("LEVEL", &level)).unwrap();
 
-    let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("python/maps_check.py");
-    let output = Command::new(&python)
-        .arg(script)
-        .arg(at)
-        .output()
-        .unwrap_or_else(|e| panic!("cannot run {python:?} ({e}) with rio-cogeo"));
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    println!("{text}");
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{text}{errors}");
+    python::script("maps_check.py", [at]);
 }
 
 #[test]

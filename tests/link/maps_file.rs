@@ -131,7 +131,10 @@ fn maps_round_trip_through_file() {
         let input = file.input().unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(input.bytes, bytes.len() as u64);
-        assert_eq!(input.crc32, format!("{:08x}", crc32fast::hash(&bytes)));
+        assert_eq!(
+            input.identity.text(),
+            format!("{:08x}", crc32fast::hash(&bytes))
+        );
     }
     // A file without maps is valid.
     let path = folder.path().join("none.maps");

@@ -155,6 +155,7 @@ fn radar_plan_of_table_4_1_agrees_with_hand_calculation() {
         thesis_sub_cpi: 52,
         beamwidth_rad: Some(0.026),
         power: None,
+        chain: None,
     };
     let plan = RadarPlan::new(&collection, &request).unwrap();
     let aperture = plan.aperture;

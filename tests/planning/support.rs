@@ -48,6 +48,7 @@ fn collection(
             reference_path_m: place_m.distance(transmitter_m) + place_m.distance(receiver_m),
             start_hz: band_hz[0] + step_hz / 2.0,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
             step_hz,
         }
     });
@@ -315,6 +316,7 @@ fn interleaved_channels_are_all_represented() {
         start_hz: 77e9,
         step_hz: 1e8,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     });
     let collection = Collection {
         name: "mimo".to_owned(),

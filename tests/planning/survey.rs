@@ -26,6 +26,7 @@ fn collection(
         start_hz,
         step_hz,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     });
     Collection {
         name: "test".to_owned(),

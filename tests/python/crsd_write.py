@@ -1,9 +1,13 @@
 """Writes CRSD 1.0 of points, by formulas of its own, and has sarkit's crsdcheck find each file consistent.
 
     crsd_write.py FOLDER
+    crsd_write.py FOLDER defects
 
 Each file is NAME.crsd, with NAME.txt beside it: a line a point, x y z in the scene frame, metres, and its complex amplitude. Samples are
 exact: of every sample's moment the moment is solved for at which what arrives then was sent, with both antennas moving all the time.
+
+With `defects`, the files contain the noise of receivers: noise.crsd without defects, unbalanced.crsd with bias, imbalance and vectors of
+zeros, clipped.crsd with clipped values, whose number is in clipped.count.
 """
 
 import pathlib
@@ -40,6 +44,7 @@ class Case:
     format = "CF8"
     noise_at = None  # a vector of noise alone, after so many pulses
     received = 1.0  # part of the pulse's band that was received
+    step = None  # amplitude of an integer's step, the same in all vectors
 
     def transmitter(self, t):
         return np.array([100.0, 0.0, 0.0]) * (t[..., None] - 0.25) + np.array([0.0, -4000.0, 3000.0])
@@ -77,6 +82,36 @@ class Spaceborne(Case):
         return np.array([7500.0, 0.0, 0.0]) * (t[..., None] - 0.4) + np.array([-60e3, -350e3, 480e3])
 
     receiver = transmitter
+
+
+class Noise(Case):
+    """Gaussian noise of a receiver in place of the echoes, 3000 steps in I and in Q; a vector of noise alone."""
+
+    format = "CI4"
+    noise_at = 5
+    step = 1 / 3000
+    pulses = 48
+
+    def signal(self, draw):
+        return draw.normal(size=(self.pulses, self.samples, 2)).view(complex)[..., 0]
+
+
+class Unbalanced(Noise):
+    """Q has a gain of 1.12 and a phase error of 5 degrees; bias; pulses of zeros."""
+
+    def signal(self, draw):
+        z = super().signal(draw)
+        error = np.radians(5.0)
+        q = 1.12 * (z.imag * np.cos(error) + z.real * np.sin(error))
+        z = z.real + 0.3 + 1j * (q - 0.2)
+        z[[10, 11, 40]] = 0
+        return z
+
+
+class Clipped(Noise):
+    """Limited at 32767 / 12000 = 2.7 standard deviations."""
+
+    step = 1 / 12000
 
 
 def velocity(track, t):
@@ -159,7 +194,7 @@ def write(path, case, seed):
     starts = grid / case.fs
     phases = draw.uniform(-40.0, 40.0, count)
     references = draw.uniform(-40.0, 40.0, count)
-    signal = echoes(case, sent, starts, phases, references)
+    signal = echoes(case, sent, starts, phases, references) if case.step is None else case.signal(draw)
 
     index = np.arange(count)
     kinds = np.ones(count, int)
@@ -173,14 +208,19 @@ def write(path, case, seed):
         signal = np.insert(signal, at + 1, noise, axis=0)
         index, kinds = np.insert(index, at + 1, -1), np.insert(kinds, at + 1, 2)
     vectors = len(starts)
-    scale = np.full(vectors, 1.0)
+    scale = np.full(vectors, case.step or 1.0)
     full = {"CF8": None, "CI4": 30000, "CI2": 127}[case.format]
     if full is None:
         stored = signal.astype(np.complex64)
     else:
-        # To the largest of each vector.
-        scale = np.abs(signal.view(float)).max(axis=1) / full
+        if case.step is None:
+            # To the largest of each vector.
+            scale = np.abs(signal.view(float)).max(axis=1) / full
         parts = np.round(signal.view(float) / scale[:, None])
+        if case.step is not None:
+            over = (parts >= 32767) | (parts <= -32768)
+            path.with_suffix(".count").write_text(f"{over[kinds == 1].sum()}\n")
+            parts = np.clip(parts, -32768, 32767)
         kind = np.dtype([("real", "i2"), ("imag", "i2")] if case.format == "CI4" else [("real", "i1"), ("imag", "i1")])
         stored = np.zeros(signal.shape, kind)
         stored["real"], stored["imag"] = parts[:, ::2], parts[:, 1::2]
@@ -303,7 +343,8 @@ def write(path, case, seed):
 
 def main():
     folder = pathlib.Path(sys.argv[1])
-    for seed, case in enumerate([Plain(), Falling(), Spaceborne()]):
+    cases = [Noise(), Unbalanced(), Clipped()] if sys.argv[2:] == ["defects"] else [Plain(), Falling(), Spaceborne()]
+    for seed, case in enumerate(cases):
         write(folder / f"{type(case).__name__.lower()}.crsd", case, seed)
 
 

@@ -1,7 +1,8 @@
 """Checks SICD files with sarkit. Usage: sicd_check.py LIST
 
 Each line of LIST is FILE and IMAGE, separated by a tab: a SICD and the folder with image.npy and image.json that it was made of; or, where IMAGE ends in .npy, the
-samples that were read of it, which have to be those that sarkit reads, to a float32's rounding where phases are stored as such.
+samples that were read of it, which have to be those that sarkit reads, to a float32's rounding where phases are stored as such; or, where IMAGE is -, only the
+checks of 1 run.
 
 1. Every check of sarkit's sicdcheck runs on the file; any failure fails, but of sampling by more than 2.2 or less than 1.1, which the image's user chose.
 2. sarkit reads the samples. By the XML alone (SCP, unit vectors, spacings) each is at a place, and has to be the sample of image.npy at that place, to the bit.
@@ -79,7 +80,10 @@ def compare(path, folder):
         metres = (peak - centre) * np.array([spacing["Row"], spacing["Col"]])
         params = sarkit.sicd.projection.MetadataParams.from_xml(tree)
         sets = sarkit.sicd.projection.compute_projection_sets(params, metres[None])
-        ground = sarkit.sicd.projection.r_rdot_to_ground_plane_mono(params.LOOK, sets, scp, normal)
+        if params.is_bistatic():
+            ground, _, _ = sarkit.sicd.projection.r_rdot_to_ground_plane_bi(params.LOOK, scp, sets, scp, normal)
+        else:
+            ground = sarkit.sicd.projection.r_rdot_to_ground_plane_mono(params.LOOK, sets, scp, normal)
         apart = np.linalg.norm(ground - true)
         print(f"    the brightest pixel is projected {apart:.1e} m off")
         good &= same and apart < 0.1
@@ -89,8 +93,11 @@ def compare(path, folder):
         print(f"    samples {'equal' if same else 'DIFFER'}, turned")
         return same
     # Spectra along rows and columns, of all lines together.
-    arp = xyz(root.find("{*}SCPCOA/{*}ARPPos"))
-    sight = (scp - arp) / np.linalg.norm(scp - arp)
+    antennas = [root.find("{*}SCPCOA/{*}Bistatic/{*}" + name + "/{*}Pos") for name in ("TxPlatform", "RcvPlatform")]
+    if antennas[0] is None:
+        antennas = [root.find("{*}SCPCOA/{*}ARPPos")]
+    # Mean of the lines of sight of both antennas.
+    sight = np.mean([(scp - xyz(at)) / np.linalg.norm(scp - xyz(at)) for at in antennas], axis=0)
     band = [float(root.findtext("{*}RadarCollection/{*}TxFrequency/{*}" + k)) for k in ("Min", "Max")]
     for number_of, (name, axis) in enumerate(axes.items()):
         sign, bandwidth = int(axis.findtext("{*}Sgn")), number(axis, "ImpRespBW")
@@ -141,6 +148,8 @@ def main():
             good &= compare_read(path, folder)
             continue
         good &= check(path)
+        if folder == "-":
+            continue
         good &= compare(path, pathlib.Path(folder))
     sys.exit(0 if good else "a SICD file failed")
 

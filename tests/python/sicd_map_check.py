@@ -27,10 +27,13 @@ TO_ECF = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 
 
 def ground(params, along, height):
-    """ECF of image places on a surface of constant height."""
-    sets = projection.compute_projection_sets(params, np.atleast_2d(along))
-    found, _, _ = projection.r_rdot_to_constant_hae_surface(params.LOOK, params.SCP, sets, height)
-    return found
+    """ECF of image places on a surface of constant height. One by one: sarkit 1.8 takes the bistatic delays of several as one."""
+    found = []
+    for place in np.atleast_2d(along):
+        sets = projection.compute_projection_sets(params, place[None])
+        one, _, _ = projection.r_rdot_to_constant_hae_surface(params.LOOK, params.SCP, sets, height, bistat_delta_gp_gpp=1e-5)
+        found.append(one[0])
+    return np.array(found)
 
 
 def places(path):

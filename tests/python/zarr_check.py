@@ -25,7 +25,7 @@ def product(folder):
 def main():
     path, *folders = map(pathlib.Path, sys.argv[1:])
     products = [product(folder) for folder in folders]
-    with xarray.open_zarr(path) as stack:
+    with xarray.open_zarr(path, chunks=None) as stack:
         image = stack["image"]
         assert image.dims == ("stack", "y", "x") and image.dtype == np.complex64, image
         assert image.shape == (len(products), *products[0][1].shape), image.shape

@@ -54,6 +54,7 @@ fn recorded(name: &str, antennas: &[DVec3], timed: bool) -> (Collection, Vec<Com
         start_hz: 9.3e9,
         step_hz: 5e6,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     });
     let collection = Collection {
         name: name.to_owned(),

@@ -1,7 +1,7 @@
 //! Phase history as arrays: files by NumPy and h5py, and every invalid one. Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::ffi::OsStr;
+use std::path::Path;
 
 use num_complex::Complex32;
 use subaperture::focus::exact::Exact;
@@ -11,16 +11,14 @@ use subaperture::phase_history::PhaseHistory;
 use subaperture::prelude::*;
 use subaperture_tests::numpy::{array, stored};
 
-fn python(script: &str, folder: &Path) {
-    let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("python")
-        .join(script);
-    let output = Command::new(&python).arg(script).arg(folder).output();
-    let output =
-        output.unwrap_or_else(|e| panic!("cannot run {python:?} ({e}) with numpy and h5py"));
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{message}");
+pub(crate) fn python(script: &str, folder: &Path) {
+    python_with(script, folder, &[]);
+}
+
+/// Run a script with the folder and further arguments.
+pub(crate) fn python_with(script: &str, folder: &Path, arguments: &[&str]) {
+    let arguments = arguments.iter().map(OsStr::new);
+    subaperture_tests::python::script(script, std::iter::once(folder.as_os_str()).chain(arguments));
 }
 
 /// Pixels at the three points of the script.

@@ -417,6 +417,7 @@ fn pass(first: usize, count: usize, width: usize, apart_m: f64) -> InMemory {
             start_hz: 9e9,
             step_hz: 1e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     let collection = Collection {

@@ -32,7 +32,7 @@ fn written() -> tempfile::TempDir {
 }
 
 /// Positions and amplitudes as stated by the script.
-fn points(path: &Path) -> Vec<(DVec3, Complex64)> {
+pub(crate) fn points(path: &Path) -> Vec<(DVec3, Complex64)> {
     let text = fs::read_to_string(path).unwrap();
     let numbers = |line: &str| -> Vec<f64> {
         line.split_whitespace()
@@ -104,6 +104,8 @@ fn points_of_script_have_exact_positions_amplitudes_and_phases() {
         let path = folder.path().join(format!("{name}.crsd"));
         let points = points(&path.with_extension("txt"));
         let history = open(&path, &Options::default()).unwrap();
+        // Integers that are scaled to the full range, vector by vector, are not clipped.
+        assert_eq!(history.defects(), [], "{name}");
         let collection = history.collection();
         // The vector of noise is left out.
         assert_eq!(collection.pulses.len(), vectors, "{name}");

@@ -19,6 +19,7 @@ use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::quality::response::{Settings, Target, measure};
 use subaperture::signal::window::Window;
+use subaperture_tests::numpy;
 
 /// A folder of real files; `None` with a message if it is missing.
 fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
@@ -50,12 +51,17 @@ fn form(history: &dyn PhaseHistory, grid: &ImageGrid, window: Window) -> Image {
     former.form(&task).unwrap().image
 }
 
-fn axis(start: f64, stop: f64, step: f64) -> Axis {
+pub(crate) fn axis(start: f64, stop: f64, step: f64) -> Axis {
     let count = ((stop - start) / step + 1e-9).floor() as usize + 1;
     Axis { start, step, count }
 }
 
-fn tune(file: &RecordingFile, keys: &[(&str, &str, Axis)], sight: &Sight, order: Order) -> Tuned {
+pub(crate) fn tune(
+    file: &RecordingFile,
+    keys: &[(&str, &str, Axis)],
+    sight: &Sight,
+    order: Order,
+) -> Tuned {
     let intervals: Vec<Axis> = keys.iter().map(|key| key.2).collect();
     let wanted = Search {
         order,
@@ -347,17 +353,8 @@ fn each_error_states_its_line() {
 
 /// A NumPy file of float64.
 fn npy(shape: &str, values: impl Iterator<Item = f64>) -> Vec<u8> {
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
-    let length = (10 + header.len() + 1).next_multiple_of(64) - 10;
-    while header.len() < length - 1 {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut file = b"\x93NUMPY\x01\x00".to_vec();
-    file.extend((length as u16).to_le_bytes());
-    file.extend(header.as_bytes());
-    values.for_each(|value| file.extend(value.to_le_bytes()));
-    file
+    let bytes: Vec<u8> = values.flat_map(f64::to_le_bytes).collect();
+    numpy::array("<f8", shape, &bytes)
 }
 
 #[test]

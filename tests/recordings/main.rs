@@ -1,4 +1,4 @@
-//! Readers: CPHD, CRSD, GOTCHA, NovAtel, arrays, described recordings, several recordings as one aperture, and tuning of their parameters.
+//! Readers: CPHD, CRSD, GOTCHA, NISAR L0B, NovAtel, arrays, described recordings, several recordings as one aperture, and tuning of their parameters.
 
 mod aperture_order;
 mod arrays;
@@ -11,6 +11,11 @@ mod estimated_track;
 mod fmcw_samples;
 mod gotcha;
 mod hostile_files;
+mod l0b;
 mod novatel;
+mod orbit;
 mod positions;
+mod stored_defects;
+mod touchstone;
 mod tune_certainty;
+mod velocity;

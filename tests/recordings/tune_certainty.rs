@@ -15,6 +15,7 @@ use subaperture::focus::FormError;
 use subaperture::io::recording::{RecordingFile, Take};
 use subaperture::monitor::Silent;
 use subaperture::signal::window::Window;
+use subaperture_tests::numpy;
 
 /// Random numbers independent of the library: splitmix64.
 struct Random(u64);
@@ -74,17 +75,10 @@ impl Walk {
     }
 }
 
-/// A NumPy file of float64.
+/// Write a NumPy file of float64.
 fn npy(path: &Path, shape: &str, values: impl Iterator<Item = f64>) {
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
-    let length = (10 + header.len() + 1).next_multiple_of(64) - 10;
-    header += &" ".repeat(length - 1 - header.len());
-    header.push('\n');
-    let mut file = b"\x93NUMPY\x01\x00".to_vec();
-    file.extend((length as u16).to_le_bytes());
-    file.extend(header.as_bytes());
-    values.for_each(|value| file.extend(value.to_le_bytes()));
-    std::fs::write(path, file).unwrap();
+    let bytes: Vec<u8> = values.flat_map(f64::to_le_bytes).collect();
+    std::fs::write(path, numpy::array("<f8", shape, &bytes)).unwrap();
 }
 
 /// Write the recording of a walk past some reflectors (real pulses at 4 GHz in noise), and return its description and pixels around the

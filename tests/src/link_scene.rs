@@ -119,6 +119,7 @@ pub fn recorded(scene: &Scene) -> InMemory {
         start_hz: scene.setup.start_hz,
         step_hz: scene.setup.step_hz,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     });
     let collection = Collection {
         name: "scene".to_owned(),

@@ -179,6 +179,7 @@ impl Scene {
                     start_hz: START_HZ,
                     step_hz: STEP_HZ,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 });
                 samples.extend(own);
             }

@@ -114,6 +114,7 @@ mod tests {
                 start_hz: 1e10,
                 step_hz: 1e6,
                 sweep: subaperture_model::phase_history::Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         (0..101).map(pulse).collect()

@@ -147,7 +147,7 @@ fn rms(values: &[f64]) -> f64 {
 
 /// Recording with a correction applied.
 pub struct Corrected<'a> {
-    history: &'a dyn PhaseHistory,
+    history: Box<dyn PhaseHistory + 'a>,
     collection: Collection,
     phasors: Vec<Complex32>,
 }
@@ -157,7 +157,7 @@ impl<'a> Corrected<'a> {
     ///
     /// # Errors
     /// [`Misfit`].
-    pub fn new(history: &'a dyn PhaseHistory, correction: &Correction) -> Result<Self, Misfit> {
+    pub fn new(history: impl PhaseHistory + 'a, correction: &Correction) -> Result<Self, Misfit> {
         let whole = history.collection();
         correction.check(whole.pulses.len())?;
         let mut collection = whole.clone();
@@ -174,7 +174,7 @@ impl<'a> Corrected<'a> {
             }
         }
         Ok(Self {
-            history,
+            history: Box::new(history),
             collection,
             phasors,
         })
@@ -187,7 +187,7 @@ impl PhaseHistory for Corrected<'_> {
     }
 
     fn inner(&self) -> Option<&dyn PhaseHistory> {
-        Some(self.history)
+        Some(&*self.history)
     }
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {

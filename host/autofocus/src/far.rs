@@ -162,6 +162,7 @@ mod tests {
                 start_hz: HZ,
                 step_hz: 0.0,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         let channels = [0.0, aside_m];

@@ -423,6 +423,7 @@ mod tests {
                 start_hz: 5e9,
                 step_hz: 20e6,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         let collection = Collection {

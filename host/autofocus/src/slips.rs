@@ -68,6 +68,7 @@ mod tests {
                 start_hz: 10e9,
                 step_hz: 0.0,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         let collection = Collection {

@@ -5,6 +5,9 @@
 //! estimates of other methods (`starts.rs`, bright points). Cross-validation selects the number of coefficients: curves are
 //! estimated on either half of the range cells and validated on the other. The best number is then used for an
 //! estimate on all cells.
+//!
+//! A curve is accepted if the likelihood of the validated rows gains over no correction by two standard errors of the mean, or by four of Wilcoxon's
+//! signed-rank sum. Where few rows have bright points, these have most of the gain and of its variance, and only the ranks show small errors.
 
 use num_complex::Complex64;
 
@@ -31,6 +34,10 @@ const STANDARD_ERRORS: f64 = 1.0;
 
 /// Required gain over no correction, and over a quadratic, the commonest error, standard errors.
 const SURE_ERRORS: f64 = 2.0;
+
+/// Required gain over no correction by the ranks of the rows, standard errors. It is twice [`SURE_ERRORS`], because rows with side lobes of the same points
+/// are not independent.
+const RANK_ERRORS: f64 = 4.0;
 
 /// Smallest magnitude of the mean phasor of phase differences at which two estimates agree.
 const COHERENT: f64 = 0.6;
@@ -72,13 +79,15 @@ pub(crate) fn estimate(
         Chain::new(&halves[0], turns, even, stop),
         Chain::new(&halves[1], turns, odd, stop),
     ];
-    // Likelihood of every row with phases estimated without it.
+    // Likelihood of every row with phases estimated without it. Their slope is not observable on the other half, and would move its points across
+    // the borders of tiles.
     let judged = |on_even: &[f64], on_odd: &[f64]| -> Vec<f64> {
-        [
-            halves[0].values_by_row(on_even),
-            halves[1].values_by_row(on_odd),
-        ]
-        .concat()
+        let by_row = |half: &Texture, phases: &[f64]| {
+            let mut phases = phases.to_vec();
+            without_trend(&mut phases);
+            half.values_by_row(&phases)
+        };
+        [by_row(&halves[0], on_even), by_row(&halves[1], on_odd)].concat()
     };
     let zero = vec![0.0; turns];
     // The simplest model is no correction.
@@ -107,17 +116,15 @@ pub(crate) fn estimate(
         pairs.push((pair, Curves::new(turns, turns)));
     }
     let best = least_of(&after)?;
-    // The curve with the fewest coefficients that equals the best within the accepted loss. Index 1 is the quadratic.
-    let chosen = (0..after.len()).find(|&i| {
-        let accepted = match i {
-            0 | 1 => SURE_ERRORS,
-            _ => STANDARD_ERRORS,
+    // The curve with the fewest coefficients that surely gains over no correction and equals the best within the accepted loss. The best by its mean
+    // may gain less surely than a smoother one, where few rows have most of the gain. Index 1 is the quadratic, the commonest error.
+    let chosen = (1..after.len()).find(|&i| {
+        let equals_best = match i {
+            1 => !gains_surely(&after[1], &after[best]),
+            _ => !is_worse(&after[i], &after[best], STANDARD_ERRORS),
         };
-        !is_worse(&after[i], &after[best], accepted)
+        equals_best && gains_surely(&after[0], &after[i])
     })?;
-    if chosen == 0 || !is_worse(&after[0], &after[chosen], SURE_ERRORS) {
-        return None;
-    }
     // Estimate on all range cells, starting from the estimates of both halves.
     let all = Texture::new(rows.iter().collect(), turns, cells);
     let ((even, odd), curves) = pairs.swap_remove(chosen - 1);
@@ -145,6 +152,25 @@ fn is_worse(values: &[f64], best: &[f64], standard_errors: f64) -> bool {
     let by = mean(&worse);
     let variance = mean(&worse.iter().map(|w| (w - by).powi(2)).collect::<Vec<_>>());
     by > standard_errors * (variance / worse.len() as f64).sqrt()
+}
+
+/// Whether rows gain on average, and do so surely: by the mean or by the ranks.
+fn gains_surely(before: &[f64], after: &[f64]) -> bool {
+    let gains: Vec<f64> = before.iter().zip(after).map(|(a, b)| a - b).collect();
+    is_worse(before, after, SURE_ERRORS) || mean(&gains) > 0.0 && rank_errors(&gains) > RANK_ERRORS
+}
+
+/// Wilcoxon's signed-rank sum over its standard deviation without any gain.
+fn rank_errors(gains: &[f64]) -> f64 {
+    let mut ordered: Vec<f64> = gains.iter().copied().filter(|gain| *gain != 0.0).collect();
+    ordered.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let ranked = ordered.iter().zip(1..);
+    let sum: f64 = ranked
+        .map(|(gain, rank)| gain.signum() * f64::from(rank))
+        .sum();
+    let count = ordered.len() as f64;
+    let variance = count * (count + 1.0) * (2.0 * count + 1.0) / 6.0;
+    sum / variance.max(1.0).sqrt()
 }
 
 /// Phases as curves with an increasing number of coefficients: a quadratic, splines, and finally one coefficient per turn.

@@ -15,6 +15,13 @@ pub(super) fn set_value(
     memory_bytes: u64,
 ) -> Result<String, String> {
     let root = tree::parse(text, memory_bytes).map_err(|found| found.message)?;
+    if let Some(((key, Some(index)), sections)) = path.split_last() {
+        let section = inside(&root, sections).map_err(|_| no_place(path))?;
+        let value = tree::parse_setting(value, 0).raw;
+        let whole = tree::with_component(section.table, key, *index, &value)?;
+        let path = [sections, &[(key.clone(), None)]].concat();
+        return set_value(text, &path, &whole, memory_bytes);
+    }
     let edited = edit(text, &root, path, value)?;
     // The text may use forms that this function does not handle, so that the result is parsed and checked.
     let again = tree::parse(&edited, memory_bytes).map_err(|_| no_place(path))?;
@@ -167,6 +174,11 @@ mod tests {
         assert_eq!(edited, TEXT.replace("\"0 s\"", "\"9.22 s\""));
         let edited = put_at(TEXT, "radar.receiver[0].offset", "1, 0, 0 mm").unwrap();
         assert_eq!(edited, TEXT.replace("\"0, 0, 0 m\"", "\"1, 0, 0 mm\""));
+        let edited = put_at(TEXT, "radar.receiver[0].offset[1]", "2.5 mm").unwrap();
+        assert_eq!(
+            edited,
+            TEXT.replace("\"0, 0, 0 m\"", "\"0 m, 2.5 mm, 0 m\"")
+        );
         let dotted = "radar.pri = \"1 s\" # slow\n";
         assert_eq!(
             put_at(dotted, "radar.pri", "2 s").unwrap(),

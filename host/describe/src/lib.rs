@@ -17,13 +17,14 @@
 //! never a key as text, and the compiler reports fields that no builder reads. Conditions on several keys (that one of two keys is
 //! given, that an interval is long enough) are ordinary code of the builder, whose faults point at a [`declare::Located`] value.
 //!
-//! A setting overrides one key of the text, such as `radar.pri` or `scene.point[0].position`. Its errors name the key
-//! instead of a line.
+//! A setting overrides one key of the text, such as `radar.pri` or `scene.point[0].position`, or one component of a vector or an interval, such
+//! as `platform.velocity[0]`. Its errors name the key instead of a line.
 #![forbid(unsafe_code)]
 
 // The name that declared sections refer to.
 extern crate self as subaperture_describe;
 
+mod component;
 pub mod declare;
 mod edit;
 pub mod error;
@@ -238,6 +239,18 @@ impl Description {
         &self.text
     }
 
+    /// String at the key `key` of the top-level section `section`, without settings; `None` without such a string or if the text is not TOML.
+    pub fn string_at(&self, section: &str, key: &str) -> Option<String> {
+        let tree = tree::parse(&self.text, self.memory_bytes).ok()?;
+        let tree::Raw::Table(table) = &tree.get(section)?.1.raw else {
+            return None;
+        };
+        match &table.get(key)?.1.raw {
+            tree::Raw::Text(text) => Some(text.clone()),
+            _ => None,
+        }
+    }
+
     /// Position of the top-level section `name`; `None` if there is none or the text is not TOML.
     pub fn has_section(&self, name: &str) -> Option<Location> {
         let tree = tree::parse(&self.text, self.memory_bytes).ok()?;
@@ -285,8 +298,18 @@ fn known(schema: &Schema, path: &[Step]) -> Result<(), String> {
     let (key, sections) = names.split_last().ok_or("expected a key")?;
     let wanted = sections.join(".");
     let section = schema.sections.iter().find(|s| s.path == wanted);
-    if section.is_some_and(|section| section.key(key).is_some()) {
-        return Ok(());
+    if let Some(found) = section.and_then(|section| section.key(key)) {
+        let index = path.last().and_then(|(_, index)| *index);
+        return match (index, component::count(&found.kind)) {
+            (Some(index), count) if index >= count => Err(match count {
+                0 => format!("'{key}' has no components: remove the index"),
+                _ => format!(
+                    "'{key}' has {count} components: write an index from 0 to {}",
+                    count - 1
+                ),
+            }),
+            _ => Ok(()),
+        };
     }
     let whole = names.join(".");
     Err(format!(

@@ -102,11 +102,13 @@ pub enum IntraPulse {
 #[section]
 #[derive(Clone, Debug)]
 pub struct PulseKeys {
-    /// Linear frequency modulation (chirp), or a phase code with chips of equal duration.
-    #[key(required = "lfm", select(Lfm, Code))]
+    /// Linear frequency modulation (chirp); a phase code with chips of equal duration; or the recorded pulse, in recordings only. Delays refer
+    /// to the start of the pulse. The phase of a chirp of bandwidth B and duration T is 0 at its start, exp(j pi (B / T) t (t - T)), and
+    /// -pi B T / 4 in its middle.
+    #[key(required = "lfm", select(Lfm, Code, Recorded))]
     pub kind: ShapeKeys,
-    /// Swept bandwidth. Range resolution is c / (2 bandwidth).
-    #[key(required = "200 MHz", positive, when(Lfm))]
+    /// Swept bandwidth, or the band of a recorded pulse that is used, about 0 Hz. Range resolution is c / (2 bandwidth).
+    #[key(required = "200 MHz", positive, when(Lfm, Recorded))]
     pub bandwidth_hz: Located<f64>,
     /// Duration of the pulse.
     #[key(required = "500 ns", positive, when(Lfm))]
@@ -135,6 +137,9 @@ pub struct PulseKeys {
     /// Duration of a chip.
     #[key(required = "10 ns", positive, when(Code))]
     pub chip_s: Located<f64>,
+    /// ARRAY of the transmitted pulse: complex samples at the sample_rate of the radar, the first at the start of the pulse.
+    #[key(required = "replica.npy", when(Recorded))]
+    pub samples: Located<String>,
 }
 
 /// Name and position of an antenna.
@@ -337,6 +342,20 @@ fn sampled_s(rate_hz: &Located<f64>, count: usize) -> Result<f64, Fault> {
     Ok(duration_s)
 }
 
+/// Check that the samples contain the band of a pulse.
+///
+/// # Errors
+/// A fault at the bandwidth.
+pub fn check_sampled(bandwidth_hz: &Located<f64>, sample_rate_hz: f64) -> Result<(), Fault> {
+    if **bandwidth_hz <= sample_rate_hz {
+        return Ok(());
+    }
+    Err(bandwidth_hz.fault(format!(
+        "the pulse's bandwidth exceeds the sample rate of {}: lower it, or raise [radar] sample_rate",
+        hertz(sample_rate_hz)
+    )))
+}
+
 /// Barker codes: the sign of each chip.
 const BARKER: [(&str, &str); 7] = [
     ("barker-2", "+-"),
@@ -356,12 +375,7 @@ impl PulseKeys {
     pub fn shape(&self, sample_rate_hz: f64) -> Result<PulseShape, Fault> {
         match &self.kind {
             ShapeKeys::Lfm(lfm) => {
-                if *lfm.bandwidth_hz > sample_rate_hz {
-                    return Err(lfm.bandwidth_hz.fault(format!(
-                        "the pulse's bandwidth exceeds the sample rate of {}: lower it, or raise [radar] sample_rate",
-                        hertz(sample_rate_hz)
-                    )));
-                }
+                check_sampled(&lfm.bandwidth_hz, sample_rate_hz)?;
                 if *lfm.bandwidth_hz * *lfm.duration_s < 1.0 {
                     return Err(lfm.duration_s.fault(
                         "the time-bandwidth product is below 1, too small for a chirp: lengthen the pulse",
@@ -386,6 +400,9 @@ impl PulseKeys {
                     chip_s: *code.chip_s,
                 })
             }
+            ShapeKeys::Recorded(recorded) => Err(recorded.samples.fault(
+                "a recorded pulse applies to descriptions of recordings: choose kind = \"lfm\" or \"code\" here",
+            )),
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use toml::de::{DeTable, DeValue};
 
+use super::component;
 use super::error::{Fault, Location};
 use super::memory;
 
@@ -107,7 +108,7 @@ fn raw(source: DeValue, setting: Option<&Location>) -> Raw {
     }
 }
 
-/// Step of a setting's path: a name and, for an array of tables, an index.
+/// Step of a setting's path: a name and, for an array of tables or a component of a value, an index.
 pub(crate) type Step = (String, Option<usize>);
 
 /// Parse a dotted path such as `scene.point[1].position`.
@@ -142,8 +143,8 @@ pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
 pub(crate) fn apply_setting(root: &mut Table, path: &[Step], value: Node) -> Result<(), Fault> {
     let at = value.at.clone();
     let fail = |message: String| Err(Fault::new(&at, message));
-    let Some(((name, None), sections)) = path.split_last() else {
-        return fail("a key has no index: only repeated sections have one".to_owned());
+    let Some(((name, component), sections)) = path.split_last() else {
+        return fail("expected a key".to_owned());
     };
     let mut table = root;
     for (section, index) in sections {
@@ -193,8 +194,53 @@ pub(crate) fn apply_setting(root: &mut Table, path: &[Step], value: Node) -> Res
             _ => return fail(format!("'{section}' is not a section")),
         };
     }
+    let value = match component {
+        None => value,
+        Some(index) => Node {
+            raw: Raw::Text(
+                with_component(table, name, *index, &value.raw)
+                    .map_err(|message| Fault::new(&at, message))?,
+            ),
+            at: at.clone(),
+        },
+    };
     table.insert(name.clone(), (at, value));
     Ok(())
+}
+
+/// Value of a setting as text.
+fn text_of(value: &Raw) -> Option<String> {
+    match value {
+        Raw::Text(text) => Some(text.clone()),
+        Raw::Integer(Some(number)) => Some(number.to_string()),
+        Raw::Float(number) => Some(format!("{number:?}")),
+        _ => None,
+    }
+}
+
+/// Text of the vector or interval `name` with one component replaced.
+pub(crate) fn with_component(
+    table: &Table,
+    name: &str,
+    index: usize,
+    value: &Raw,
+) -> Result<String, String> {
+    let Some((_, Node { raw, .. })) = table.get(name) else {
+        return Err(format!(
+            "component {index} of '{name}' is set, but the key has no value: write all of its components first"
+        ));
+    };
+    match (raw, text_of(value)) {
+        (Raw::Text(text), Some(value)) => component::replaced(text, index, &value),
+        (Raw::Text(_), None) => Err(format!(
+            "expected a quantity for component {index} of '{name}', found {}",
+            value.name()
+        )),
+        _ => Err(format!(
+            "'{name}' is {} and has no components: remove the index",
+            raw.name()
+        )),
+    }
 }
 
 #[cfg(test)]
@@ -213,12 +259,17 @@ mod tests {
         set("s.p[0].x", "3").unwrap();
         set("s.p[1].x", "[1, 2]").unwrap();
         set("new.deep.key", "true").unwrap();
+        set("s.p[0].v", "1, 2, 3 m").unwrap();
+        set("s.p[0].v[1]", "5 km").unwrap();
+        set("s.p[0].v[0]", "7").unwrap();
         for (path, part) in [
             ("s.p.x", "write p[0]"),
             ("s.p[5].x", "from 0 to 2"),
             ("s[0].p", "remove the index"),
             ("a.b", "not a section"),
-            ("a[0]", "no index"),
+            ("a[3]", "no [3]"),
+            ("b[0]", "write all of its components first"),
+            ("new[0]", "has no components"),
             ("s.p[x].x", "write an index as p[0]"),
             ("", "is not a key"),
             ("a..b", "is not a key"),
@@ -238,6 +289,7 @@ mod tests {
             panic!("no table")
         };
         assert!(matches!(first["x"].1.raw, Raw::Integer(Some(3))));
+        assert!(matches!(&first["v"].1.raw, Raw::Text(text) if text == "7 m, 5 km, 3 m"));
         assert!(root.contains_key("new"));
     }
 }

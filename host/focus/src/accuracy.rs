@@ -34,8 +34,9 @@
 //! less than 0.3 of `T`, the power that noise would show), or their mean square is less than half of `M`. In the last case `C` is 1.6 if the grid is bright and the
 //! error is as expected; the planned error power of the pixels that were not compared is added.
 //!
-//! *Planned again.* Where the plan keeps the bound and the image exceeds it, the image is formed once more with a stricter plan
-//! ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), at more than twice the work. If that exceeds the bound too, it is an error.
+//! *Planned again.* Where the plan keeps the bound and the image exceeds it, the image is formed again with a stricter plan
+//! ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), at most three times, each at more than twice the work. Where the bound may be
+//! exceeded, a plan of more than 32 times the operations is not carried out. If the last image exceeds a bound that must be kept, it is an error.
 //! [`passing_bound_db`] is the bound that would be kept.
 //!
 //! A grid coarser than the resolution may show a lone scatterer by its side lobes only. These come from the ends of the band and
@@ -50,6 +51,7 @@ use num_complex::Complex64;
 use super::budget::Budget;
 use super::compared::{self, Compared, Planned};
 use super::cost::StageCost;
+use super::coverage::{self, Coverage};
 use super::goal::{BoundPolicy, ErrorGoal, Settings, misses, note_error};
 use super::sampled::{Probes, TileRecord};
 use super::second_look::{Estimate, add_all, look_again, look_at_all};
@@ -61,13 +63,20 @@ use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
 
-/// Smallest reduction of the planned error, dB, and largest factor in operations, for which a stricter plan is used.
+/// Smallest reduction of the planned error, dB, for which a stricter plan is used.
 const MIN_GAIN_DB: f64 = 0.5;
+
+/// Largest factor in operations of a stricter plan where the bound may be exceeded.
 const MAX_TIMES: f64 = 32.0;
 
 /// Whether to form an image again, from the (planned error in dB, operations) of the first and the second plan.
-pub(super) fn is_worth_forming_again([first, second]: [(f64, f64); 2]) -> bool {
-    second.0 <= first.0 - MIN_GAIN_DB && second.1 <= MAX_TIMES * first.1
+pub(super) fn is_worth_forming_again(
+    [first, second]: [(f64, f64); 2],
+    bound_policy: BoundPolicy,
+) -> bool {
+    let takes_not_too_long =
+        bound_policy == BoundPolicy::Refused || second.1 <= MAX_TIMES * first.1;
+    second.0 <= first.0 - MIN_GAIN_DB && takes_not_too_long
 }
 
 /// Increment of a raised bound, dB, and largest number of increments.
@@ -164,10 +173,22 @@ impl Judgement {
     /// Accept the image if it keeps the bound, or if the bound may be exceeded.
     ///
     /// # Errors
-    /// [`FormError::BoundMissed`].
+    /// [`FormError::BoundMissed`], which advises a stricter plan.
     pub fn check(&self, goal: &ErrorGoal) -> Result<(), FormError> {
+        let error_db = self.plan_for_db(goal.bound_db.unwrap_or(0.0));
+        self.check_advised(goal, &[Remedy::PlanFor { error_db }])
+    }
+
+    /// Accept the image as [`Self::check`] does, after all stricter plans that are available.
+    ///
+    /// # Errors
+    /// [`FormError::BoundMissed`], which advises none.
+    pub(super) fn check_replanned(&self, goal: &ErrorGoal) -> Result<(), FormError> {
+        self.check_advised(goal, &[])
+    }
+
+    fn check_advised(&self, goal: &ErrorGoal, more: &[Remedy]) -> Result<(), FormError> {
         goal.check(self.predicted_db(), || {
-            let error_db = self.plan_for_db(goal.bound_db.unwrap_or(0.0));
             let scene = dark::reason_at(self.spacing_cells);
             let why = format!(
                 "the planned error is {:.1} dB, and the error at {} compared pixels is larger: {scene}",
@@ -175,7 +196,7 @@ impl Judgement {
             );
             Reason::new(why)
                 .helped_by(&scene.remedies)
-                .helped_by(&[Remedy::PlanFor { error_db }])
+                .helped_by(more)
         })
     }
 
@@ -221,7 +242,8 @@ pub(super) fn with_sweep(planned_db: f64, swept: f64) -> f64 {
     }
 }
 
-/// Form the image of `task` by `form` with the choices of `former`, without a comparison with the exact sum: only the plan is checked.
+/// Form the image of `task` by `form` with the choices of `former`, without a comparison with the exact sum: only the plan is checked. Pixels
+/// outside the recorded delays are zero.
 ///
 /// # Errors
 /// Errors of the former and of `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
@@ -243,9 +265,11 @@ pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
     };
     let mut tile = Tile::whole(task.grid);
     form(&decision, &work, std::slice::from_mut(&mut tile))?;
+    let num_uncovered = Coverage::new(task.spec(), former.grid_points()).clear(&mut tile);
     tile.check_finite(task.grid)?;
     let planned_db = decision.planned_db;
     let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
+    coverage::note(num_uncovered, &mut formed.settings);
     formed.expect(goal.bound_db, planned_db);
     task.numerics.note(&mut formed.settings);
     Ok(formed)
@@ -359,4 +383,19 @@ pub(super) fn room_for_outside(
         spacing_cells: dark::spacing_cells(spec),
     };
     Ok(judgement.next_plan_db(goal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn costly_plans_replace_others_only_where_the_bound_must_be_kept() {
+        let (first, costly) = ((-64.0, 1.0), (-76.0, 100.0));
+        let replaces = |second, policy| is_worth_forming_again([first, second], policy);
+        assert!(replaces(costly, BoundPolicy::Refused));
+        assert!(!replaces(costly, BoundPolicy::Allowed));
+        assert!(replaces((-76.0, 30.0), BoundPolicy::Allowed));
+        assert!(!replaces((-64.2, 1.0), BoundPolicy::Refused));
+    }
 }

@@ -3,11 +3,11 @@
 //! ```text
 //! Plan ── begin (sink: tiles to form) ── form ── records of all tiles ── judge ──> image within the bound
 //!   ^                                                                   │
-//!   └──────── stricter plan, once: the scene enlarges the error ────────┘
+//!   └──── stricter plan, at most three: the scene enlarges the error ───┘
 //! ```
 //!
 //! The loop is the same for an image in memory, in one file, or in a store that several processes fill. These differ only in the
-//! [`ImageSink`] that receives the tiles. [`super::accuracy`] defines the error and the second plan.
+//! [`ImageSink`] that receives the tiles. [`super::accuracy`] defines the error and the stricter plans.
 
 use std::borrow::Cow;
 
@@ -22,6 +22,9 @@ use super::{
     check_surface,
 };
 
+/// Largest number of stricter plans, one after the other.
+const MAX_REPLANS: u32 = 3;
+
 /// Execution of a plan by a former.
 #[derive(Clone, Copy)]
 pub struct Execution<'a, F: ?Sized> {
@@ -31,7 +34,7 @@ pub struct Execution<'a, F: ?Sized> {
     pub spec: ImageSpec<'a>,
     /// Source of the pulses, memory for everything except the sink, and progress.
     pub work: Work<'a>,
-    /// Whether a stricter plan may replace one whose image exceeds the bound. Not for a plan that other processes carry out as well.
+    /// Whether stricter plans may replace one whose image exceeds the bound. Not for a plan that other processes carry out as well.
     pub may_replan: bool,
 }
 
@@ -46,8 +49,8 @@ pub struct Executed<'p> {
 }
 
 impl<F: ImageFormer + ?Sized> Execution<'_, F> {
-    /// Form the tiles of `plan` that `sink` needs. If the image is then complete, measure its error, and form it once more by a stricter plan where the
-    /// scene enlarges the error beyond the bound. `None` if tiles of the image are still missing.
+    /// Form the tiles of `plan` that `sink` needs. If the image is then complete, measure its error, and form it again by a stricter plan where the
+    /// scene enlarges the error beyond the bound, at most three times. `None` if tiles of the image are still missing.
     ///
     /// # Errors
     /// [`FormError`]; [`FormError::BoundMissed`] if the image exceeds a bound that must be kept. The sink then holds the complete image.
@@ -60,6 +63,7 @@ impl<F: ImageFormer + ?Sized> Execution<'_, F> {
             history, monitor, ..
         } = self.work;
         let mut plan = Cow::Borrowed(plan);
+        let mut num_replans = 0;
         loop {
             let opened = self.open(&plan)?;
             let indices = sink.begin(&plan).map_err(FormError::Sink)?;
@@ -69,13 +73,22 @@ impl<F: ImageFormer + ?Sized> Execution<'_, F> {
                 return Ok(None);
             };
             let judgement = opened.judge_again(&records, history, sink.image(), monitor)?;
-            match self.stricter(&plan, &judgement)? {
+            let next = match self.may_replan && num_replans < MAX_REPLANS {
+                true => self.stricter(&plan, &judgement)?,
+                false => None,
+            };
+            match next {
                 Some(next) => {
                     drop(opened);
                     plan = Cow::Owned(next);
+                    num_replans += 1;
                 }
                 None => {
-                    judgement.check(&plan.goal())?;
+                    let goal = plan.goal();
+                    match self.may_replan {
+                        true => judgement.check_replanned(&goal)?,
+                        false => judgement.check(&goal)?,
+                    }
                     drop(opened);
                     return Ok(Some(Executed { plan, judgement }));
                 }
@@ -94,11 +107,8 @@ impl<F: ImageFormer + ?Sized> Execution<'_, F> {
         }
     }
 
-    /// Plan that replaces `plan` where the scene enlarges the error beyond the bound; at most one replaces the first.
+    /// Plan that replaces `plan` where the scene enlarges the error beyond the bound. `None` if the image keeps the bound or no such plan is available.
     fn stricter(&self, plan: &Plan, judgement: &Judgement) -> Result<Option<Plan>, FormError> {
-        if !self.may_replan || plan.planned_for_db.is_some() {
-            return Ok(None);
-        }
         let Some(error_db) = judgement.next_plan_db(&plan.goal()) else {
             return Ok(None);
         };

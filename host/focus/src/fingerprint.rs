@@ -29,6 +29,12 @@ impl Fingerprint {
             places.iter().flat_map(|p| p.to_array()).for_each(&mut add);
             let numbers = [pulse.reference_path_m, pulse.start_hz, pulse.step_hz];
             numbers.into_iter().for_each(&mut add);
+            // Recordings that state no interval keep the fingerprints of older plans.
+            pulse
+                .recorded_path_m
+                .into_iter()
+                .flatten()
+                .for_each(&mut add);
             let sweep = &pulse.sweep;
             let motions = [
                 sweep.transmitter_m_s,

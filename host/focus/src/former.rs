@@ -18,6 +18,7 @@ use super::error::FormError;
 use super::formed::Formed;
 use super::former_choices::FormerChoices;
 use super::goal::{BoundPolicy, ErrorGoal};
+use super::grid_points::GridPoints;
 use super::patch::Rectangle;
 use super::spec::{Decision, ImageSpec, Tile, Work};
 use super::task::Task;
@@ -32,6 +33,12 @@ pub trait Forming: Sync {
     /// Scratch memory per pixel, bytes, in addition to the 8 bytes of the tile.
     fn pixel_bytes(&self) -> u64 {
         0
+    }
+
+    /// Whether [`Self::form`] reads all pulses in ascending order, for any tiles. If not, they are read once more for the comparison with the exact
+    /// sum: before the tiles if all are formed at once, otherwise when the last tile of the image exists.
+    fn reads_all_pulses(&self) -> bool {
+        true
     }
 
     /// Number of pulses that [`Self::form`] reads for tiles at the given places; a pulse that is read twice counts twice.
@@ -70,6 +77,11 @@ pub trait ImageFormer: Send + Sync {
     /// a surface is refused.
     fn follows_relief(&self) -> bool {
         false
+    }
+
+    /// Quantity whose values are the grid's points.
+    fn grid_points(&self) -> GridPoints {
+        GridPoints::Positions
     }
 
     /// Beam that selects the pulses of each point ([`super::beam::InBeam`]); `None` for a former that uses all pulses for every

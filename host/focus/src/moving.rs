@@ -34,7 +34,7 @@
 //! Neglected: target motion during pulse propagation, and acceleration `a` during a pulse of `T` seconds, whose
 //! displacement is at most `a T^2 / 8`: 0.5 um at 4 m/s^2 in 1 ms.
 //!
-//! Cost: [`Moving`] copies the geometry, 240 bytes per pulse; [`VelocityPlane`] is
+//! Cost: [`Moving`] copies the geometry, 264 bytes per pulse; [`VelocityPlane`] is
 //! [`super::bp`] with as many pixels as velocities.
 //!
 //! Accuracy: `tests/formers/movers.rs` compares both with the plain sum over a target in motion.
@@ -45,17 +45,16 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::bp;
+use super::coverage::Coverage;
 use super::former_choices::FormerChoices;
 use super::{
-    BoundPolicy, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer, ImageSpec, Task,
-    accuracy,
+    BoundPolicy, Decision, ErrorGoal, FormError, Formed, Forming, GridPoints, ImageFormer,
+    ImageSpec, Task, accuracy,
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Axis;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
-};
+use subaperture_model::phase_history::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use subaperture_model::resolution::support::{self, Projection, path_gradient};
 use subaperture_model::track::Displacement;
 
@@ -64,7 +63,7 @@ pub const SLACK_S: f64 = 1e-9;
 
 /// Phase history in a frame that moves with a target.
 pub struct Moving<'a> {
-    history: &'a dyn PhaseHistory,
+    history: Box<dyn PhaseHistory + 'a>,
     collection: Collection,
     target: Displacement,
 }
@@ -77,7 +76,7 @@ impl<'a> Moving<'a> {
     /// [`FormError::Unsuited`] if the recording has no times, a number is not finite, the speed exceeds that of light, or a
     /// sampled displacement does not cover the epoch and all pulses to [`SLACK_S`].
     pub fn new(
-        history: &'a dyn PhaseHistory,
+        history: impl PhaseHistory + 'a,
         target: impl Into<Displacement>,
         epoch_s: f64,
     ) -> Result<Self, FormError> {
@@ -98,7 +97,7 @@ impl<'a> Moving<'a> {
             }
         }
         Ok(Self {
-            history,
+            history: Box::new(history),
             collection,
             target,
         })
@@ -127,8 +126,8 @@ impl PhaseHistory for Moving<'_> {
         self.history.samples_in_memory(pulses)
     }
 
-    fn channels(&self) -> Vec<Channel> {
-        self.history.channels()
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        Some(&*self.history)
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
@@ -138,18 +137,6 @@ impl PhaseHistory for Moving<'_> {
 
     fn target(&self) -> Option<&Displacement> {
         Some(&self.target)
-    }
-
-    fn phase_conventions(&self) -> Vec<PhaseConvention> {
-        self.history.phase_conventions()
-    }
-
-    fn held_bytes(&self) -> u64 {
-        self.history.held_bytes() + size_of_val(self.collection.pulses.as_slice()) as u64
-    }
-
-    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        self.history.inputs()
     }
 }
 
@@ -186,7 +173,15 @@ impl ImageFormer for VelocityPlane {
         true
     }
 
+    fn grid_points(&self) -> GridPoints {
+        GridPoints::Velocities {
+            position_m: self.position_m,
+            epoch_s: self.epoch_s,
+        }
+    }
+
     fn form_asked(&self, task: &Task, bound_policy: BoundPolicy) -> Result<Formed, FormError> {
+        Coverage::new(task.spec(), self.grid_points()).count_uncovered()?;
         // Its pixels are moving points, for which there is no exact sum.
         accuracy::keep_planned(self, task, bound_policy, |decision, work, tiles| {
             self.open(task.spec(), &decision.choices)?.form(work, tiles)
@@ -200,7 +195,7 @@ impl ImageFormer for VelocityPlane {
         _: &dyn Monitor,
     ) -> Result<Decision, FormError> {
         require_times(spec.collection)?;
-        let decision = bp::decide(spec, self.error_db, goal, self.meaning())?;
+        let decision = bp::decide(spec, self.error_db, goal, self.grid_points())?;
         Ok(decision.map_choices(FormerChoices::new))
     }
 
@@ -209,16 +204,7 @@ impl ImageFormer for VelocityPlane {
         spec: ImageSpec<'a>,
         choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        bp::open(spec, choices.of(self.name())?, self.meaning())
-    }
-}
-
-impl VelocityPlane {
-    fn meaning(&self) -> bp::Meaning {
-        bp::Meaning::Velocities {
-            position_m: self.position_m,
-            epoch_s: self.epoch_s,
-        }
+        bp::open(spec, choices.of(self.name())?, self.grid_points())
     }
 }
 

@@ -1,10 +1,14 @@
 //! Plan opened by its former: forms tiles, and measures the error of the complete image.
 
+use std::borrow::Cow;
+
 use super::accuracy::{self, Judgement};
 use super::compared::Planned;
+use super::coverage::Coverage;
 use super::patch::Rectangle;
 use super::plan::Plan;
 use super::sampled::{Probes, Sampled, TileRecord};
+use super::second_look::add_all;
 use super::sink::Sink;
 use super::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
 use subaperture_model::image::ImageSource;
@@ -16,6 +20,7 @@ pub struct Opened<'a> {
     plan: &'a Plan,
     spec: ImageSpec<'a>,
     forming: Box<dyn Forming + 'a>,
+    coverage: Coverage<'a>,
     /// Sums of all pulses once each has been read; data shared by tiles may then be kept instead of reading pulses again.
     probes: Probes<'a>,
 }
@@ -39,6 +44,7 @@ impl<'a> Opened<'a> {
             plan,
             spec,
             forming: former.open(spec, &plan.choices)?,
+            coverage: Coverage::new(spec, former.grid_points()),
             probes: Probes::new(spec, least_db),
         })
     }
@@ -95,7 +101,10 @@ impl Opened<'_> {
     ) -> Result<u64, FormError> {
         let left_bytes = left_bytes(work);
         let tiling = self.plan.tiling();
-        let mut count = 0;
+        let mut count = match self.compares_first(indices) {
+            true => self.spec.collection.pulses.len() as u64,
+            false => 0,
+        };
         for indices in indices.chunks(self.tiles_a_pass(left_bytes, most_a_pass)) {
             let places = indices.iter().map(|&index| tiling.place(index));
             let places: Vec<Rectangle> = places.map(|place| Rectangle::of(&place)).collect();
@@ -108,6 +117,11 @@ impl Opened<'_> {
             count += self.forming.pulses_read(&within, &places)?;
         }
         Ok(count)
+    }
+
+    /// Whether the pulses are read for the comparison with the exact sum before the tiles of these indices are formed.
+    fn compares_first(&self, indices: &[usize]) -> bool {
+        !self.forming.reads_all_pulses() && indices.len() == self.plan.num_tiles()
     }
 
     /// Form the tiles of the given indices in order and pass each to `sink`. Each pass over the pulses forms as many tiles as
@@ -126,6 +140,9 @@ impl Opened<'_> {
         let fit = self.tiles_a_pass(left_bytes, most_a_pass);
         let tiling = self.plan.tiling();
         let (total, mut done) = (indices.len() as f64, 0);
+        if self.compares_first(indices) {
+            add_all(&self.probes, &self.spec, work.history, work.monitor)?;
+        }
         for indices in indices.chunks(fit) {
             let places = indices.iter().map(|&index| tiling.place(index));
             let mut tiles: Vec<Tile> = places
@@ -143,14 +160,21 @@ impl Opened<'_> {
             };
             let tiles_bytes = tiles.iter().map(|tile| 8 * tile.pixels.len() as u64);
             let within = Work {
-                history: &sampled,
+                history: match self.forming.reads_all_pulses() {
+                    true => &sampled,
+                    false => work.history,
+                },
                 memory_bytes: left_bytes.saturating_sub(tiles_bytes.sum()),
                 monitor: &pass,
             };
             self.forming.form(&within, &mut tiles)?;
-            for (&index, tile) in indices.iter().zip(tiles) {
+            for (&index, mut tile) in indices.iter().zip(tiles) {
+                self.coverage.clear(&mut tile);
                 tile.check_finite(self.spec.grid)?;
-                let record = self.probes.record(&tile).ok_or(FormError::PulsesLeftOut)?;
+                let mut record = self.probes.pending(&tile);
+                if !self.probes.complete(&mut record) && self.forming.reads_all_pulses() {
+                    return Err(FormError::PulsesLeftOut);
+                }
                 sink.take(index, tile, record).map_err(FormError::Sink)?;
             }
             done += indices.len();
@@ -158,13 +182,8 @@ impl Opened<'_> {
         Ok(())
     }
 
-    /// Measured error of the image from the records of all tiles, by evenly spread pixels alone.
-    pub fn judge(&self, records: &[TileRecord]) -> Judgement {
-        accuracy::judge(&self.spec, records, self.planned(), None)
-    }
-
     /// Measured error of the image from the records of all tiles, also by pixels drawn in proportion to power unless the evenly spread pixels settle that the bound is kept.
-    /// The drawn pixels need another pass over all pulses of `history`. Every pixel of `image`, if given, is compared in a third pass where it is
+    /// Tiles formed from some of the pulses need a pass over all pulses of `history` for the evenly spread pixels. The drawn pixels need another pass over all pulses of `history`. Every pixel of `image`, if given, is compared in a third pass where it is
     /// small and would exceed the bound otherwise.
     ///
     /// # Errors
@@ -176,8 +195,29 @@ impl Opened<'_> {
         image: Option<&dyn ImageSource>,
         monitor: &dyn Monitor,
     ) -> Result<Judgement, FormError> {
+        let records = self.complete(records, history, monitor)?;
         let (planned, goal) = (self.planned(), self.plan.goal());
-        accuracy::judge_again(&self.spec, history, records, image, planned, &goal, monitor)
+        let spec = &self.spec;
+        accuracy::judge_again(spec, history, &records, image, planned, &goal, monitor)
+    }
+
+    /// The records, with the exact sums where they are missing.
+    fn complete<'r>(
+        &self,
+        records: &'r [TileRecord],
+        history: &dyn PhaseHistory,
+        monitor: &dyn Monitor,
+    ) -> Result<Cow<'r, [TileRecord]>, FormError> {
+        if !records.iter().any(|record| record.pending) {
+            return Ok(Cow::Borrowed(records));
+        }
+        add_all(&self.probes, &self.spec, history, monitor)?;
+        let mut records = records.to_vec();
+        let mut pending = records.iter_mut().filter(|record| record.pending);
+        match pending.all(|record| self.probes.complete(record)) {
+            true => Ok(Cow::Owned(records)),
+            false => Err(FormError::PulsesLeftOut),
+        }
     }
 
     fn planned(&self) -> Planned {

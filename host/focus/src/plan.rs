@@ -8,7 +8,7 @@
 //! former's grain that gives about [`TILE_PIXELS`] pixels.
 //!
 //! **Tile records** ([`TileRecord`](super::TileRecord)) are kept with the pixels of each tile. The records of all tiles determine the actual error of the image
-//! ([`Opened::judge`](super::Opened::judge)) by the rules of [`super::accuracy`]. The plan stays unchanged by the result; for an image
+//! ([`Opened::judge_again`](super::Opened::judge_again)) by the rules of [`super::accuracy`]. The plan stays unchanged by the result; for an image
 //! that exceeds its bound, [`Plan::for_less`] makes another plan of the same image with a smaller planned error.
 //! [`super::Execution`] does all of this.
 
@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::accuracy;
 use super::compared::Planned;
 use super::cost::Cost;
+use super::coverage::{self, Coverage};
 use super::error::UnknownFormer;
 pub use super::fingerprint::Fingerprint;
 use super::former_choices::FormerChoices;
@@ -174,10 +175,10 @@ impl Plan {
         Ok(keeps.then_some(plan))
     }
 
-    /// Whether `stricter` should replace this plan: its error is smaller and its time not many times longer.
+    /// Whether `stricter` should replace this plan: its error is smaller, and its time not many times longer where the bound may be exceeded.
     pub fn is_worth_replacing(&self, stricter: &Self) -> bool {
         let plans = [self, stricter].map(|plan| (plan.planned_db, plan.cost.operations));
-        accuracy::is_worth_forming_again(plans)
+        accuracy::is_worth_forming_again(plans, self.goal().bound_policy)
     }
 
     /// Make a plan for a recording with samples available. As [`Self::new`], but with a stricter target where scatterers outside the grid are bright enough
@@ -231,6 +232,7 @@ impl Plan {
         super::check_surface(former, grid)?;
         super::beam::check(former, weights)?;
         let goal = former.goal(bound_policy);
+        let num_uncovered = Coverage::new(*spec, former.grid_points()).count_uncovered()?;
         let swept = accuracy::swept(former, spec, &goal)?;
         let decision = former.decide(spec, &goal, monitor)?;
         let tile = tile_size(grid, decision.grain);
@@ -238,6 +240,7 @@ impl Plan {
         let mut summary = decision.settings;
         if let Some(summary) = summary.as_object_mut() {
             numerics.note(summary);
+            coverage::note(num_uncovered, summary);
         }
         let [window, slow_window] = match weights.windows {
             Some(windows) => windows.map(|window| window.to_string()),

@@ -8,12 +8,13 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+use super::coverage::Coverage;
 use super::drawn::{SampledPixels, power_about};
 use super::exact::{LANES, add_pulse};
 use super::probes::spread;
 use super::stages::{READING, SAMPLES, during};
 use super::stray::{self, Buffers, Profiles, RecordedEnergy};
-use super::{ImageSpec, Tile};
+use super::{GridPoints, ImageSpec, Tile};
 use subaperture_kernels::folded_sums::{self, folded_sums};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::phasor::phasors;
@@ -68,6 +69,10 @@ pub struct TileRecord {
     /// Pixels drawn in proportion to local power, for a second comparison.
     #[serde(default)]
     pub drawn: SampledPixels,
+    /// Whether the exact sums, `terms` and `recorded` are missing: the tile was formed from some of the pulses. They are computed from all pulses when
+    /// every tile of the image exists.
+    #[serde(default)]
+    pub pending: bool,
 }
 
 /// Pixel compared with the exact sum.
@@ -90,6 +95,8 @@ pub(super) struct Probes<'a> {
     /// Indices of the compared pixels, ascending, and their positions.
     pixels: Vec<usize>,
     points: Vec<DVec3>,
+    /// Factors that normalise their sums; 0 for pixels that are not covered.
+    norms: Vec<f64>,
     /// Whether blocks of samples are accumulated in float32.
     narrow: bool,
     /// Range profiles; `None` if every pixel is compared.
@@ -166,7 +173,13 @@ impl<'a> Probes<'a> {
             let block = |i: &usize| illumination.block_of(i / columns, i % columns);
             pixels.iter().map(block).collect()
         });
+        let coverage = Coverage::new(spec, GridPoints::Positions);
+        let norm = |i: &usize| match coverage.covers(i / columns, i % columns) {
+            true => spec.weights.normalisation_at(i / columns, i % columns),
+            false => 0.0,
+        };
         Self {
+            norms: pixels.iter().map(norm).collect(),
             blocks,
             narrow,
             profiles: None,
@@ -295,15 +308,8 @@ impl<'a> Probes<'a> {
         if sums.pulses.end != self.spec.collection.pulses.len() {
             return None;
         }
-        let values = self.pixels.iter().zip(&sums.values);
-        Some(values.map(|(&i, &sum)| sum * self.norm(i)).collect())
-    }
-
-    /// Factor that normalises the sum of a pixel.
-    fn norm(&self, pixel: usize) -> f64 {
-        let columns = self.spec.grid.columns.count;
-        let weights = self.spec.weights;
-        weights.normalisation_at(pixel / columns, pixel % columns)
+        let values = self.norms.iter().zip(&sums.values);
+        Some(values.map(|(norm, sum)| sum * norm).collect())
     }
 
     /// Levels of all pulses.
@@ -375,11 +381,36 @@ impl<'a> Probes<'a> {
         all.then(|| self.total(&sums.levels).recorded)
     }
 
-    /// Record of a `tile` formed from these pulses; `None` if a pulse was not read.
-    pub(super) fn record(&self, tile: &Tile) -> Option<TileRecord> {
+    /// Record of a `tile` without the exact sums.
+    pub(super) fn pending(&self, tile: &Tile) -> TileRecord {
+        let columns = self.spec.grid.columns.count;
+        let seen = self.pixels.iter().filter_map(|&pixel| {
+            let (row, column) = (pixel / columns, pixel % columns);
+            let formed = tile.at(row, column)?;
+            let place = tile.place;
+            Some(ComparedPixel {
+                pixel,
+                formed: [formed.re, formed.im],
+                exact: [0.0; 2],
+                about: power_about(tile, row - place.row, column - place.column),
+            })
+        });
+        TileRecord {
+            power: tile.pixels.iter().map(|&z| image::power(z)).sum(),
+            seen: seen.collect(),
+            terms: 0.0,
+            recorded: Default::default(),
+            narrow: self.narrow,
+            drawn: SampledPixels::of(tile, columns),
+            pending: true,
+        }
+    }
+
+    /// Add the exact sums of all pulses to the record of a tile. Returns whether it is complete; it is not if a pulse is missing.
+    pub(super) fn complete(&self, record: &mut TileRecord) -> bool {
         let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
         if sums.pulses.end != self.spec.collection.pulses.len() {
-            return None;
+            return false;
         }
         let total = match sums.total {
             Some(total) => total,
@@ -388,28 +419,22 @@ impl<'a> Probes<'a> {
                 *sums.total.insert(total)
             }
         };
-        let columns = self.spec.grid.columns.count;
-        let seen = self.pixels.iter().zip(&sums.values);
-        let seen = seen.filter_map(|(&pixel, &sum)| {
-            let (row, column) = (pixel / columns, pixel % columns);
-            let formed = tile.at(row, column)?;
-            let exact = sum * self.norm(pixel);
-            let place = tile.place;
-            Some(ComparedPixel {
-                pixel,
-                formed: [formed.re, formed.im],
-                exact: [exact.re, exact.im],
-                about: power_about(tile, row - place.row, column - place.column),
-            })
-        });
-        Some(TileRecord {
-            power: tile.pixels.iter().map(|&z| image::power(z)).sum(),
-            seen: seen.collect(),
-            terms: total.terms,
-            recorded: total.recorded,
-            narrow: self.narrow,
-            drawn: SampledPixels::of(tile, columns),
-        })
+        for seen in &mut record.seen {
+            let Ok(at) = self.pixels.binary_search(&seen.pixel) else {
+                return false;
+            };
+            let exact = sums.values[at] * self.norms[at];
+            seen.exact = [exact.re, exact.im];
+        }
+        (record.terms, record.recorded) = (total.terms, total.recorded);
+        (record.narrow, record.pending) = (self.narrow, false);
+        true
+    }
+
+    /// Record of a `tile` formed from these pulses; `None` if a pulse was not read.
+    pub(super) fn record(&self, tile: &Tile) -> Option<TileRecord> {
+        let mut record = self.pending(tile);
+        self.complete(&mut record).then_some(record)
     }
 }
 

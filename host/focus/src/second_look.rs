@@ -258,6 +258,7 @@ mod tests {
             recorded: Default::default(),
             narrow: false,
             drawn: SampledPixels::of(&tile(8, 8, |_, _| level), 50),
+            pending: false,
         };
         let records = [record(1.0), record(0.0), record(3.0)];
         let power = records.iter().map(|record| record.drawn.power).sum();

@@ -129,6 +129,7 @@ mod tests {
                     start_hz: 1e9,
                     step_hz: 1e6,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 }
             })
             .collect();

@@ -457,6 +457,7 @@ mod tests {
                     receiver_m_s: across,
                     ..Sweep::AT_ONCE
                 },
+                recorded_path_m: None,
             }
         };
         let collection = Collection {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use subaperture_focus::FormError;
+use subaperture_gmti::GmtiError;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
 use subaperture_motion::targets::TargetsError;
@@ -177,7 +178,20 @@ pub enum ItemError {
     /// A picture could not be drawn.
     #[error(transparent)]
     Plot(#[from] PlotError),
+    /// Moving targets could not be detected.
+    #[error(transparent)]
+    Gmti(Box<GmtiError>),
     /// A quantity could not be measured.
     #[error("{0}")]
     Measure(String),
+}
+
+impl From<GmtiError> for ItemError {
+    /// An image that could not be formed is [`ItemError::Form`]: cancellation has one cause in the chain.
+    fn from(error: GmtiError) -> Self {
+        match error {
+            GmtiError::Form(error) => Self::Form(error),
+            error => Self::Gmti(error.into()),
+        }
+    }
 }

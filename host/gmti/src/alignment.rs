@@ -183,6 +183,12 @@ impl Alignment {
         start..end.max(start + 3)
     }
 
+    /// Mean pulse interval of the middle pulses, seconds.
+    pub(crate) fn interval_s(&self) -> f64 {
+        let times_s = &self.times_s[self.middle_pulses()];
+        (times_s[times_s.len() - 1] - times_s[0]) / (times_s.len() - 1) as f64
+    }
+
     /// Pulse of `channel` nearest to the along-track position of each pulse of channel 0; `None` outside its track. With `exchanged`, as if the
     /// channel were as far on the other side of channel 0.
     pub(crate) fn nearest(&self, channel: usize, exchanged: bool) -> Vec<Option<usize>> {

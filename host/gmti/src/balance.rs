@@ -26,6 +26,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 use subaperture_fft::Fft;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{
@@ -46,6 +47,9 @@ const EXCHANGED: f64 = 1.25;
 /// Number of segments of the track, and smallest number of pulses of a segment: unrelated channels have a coherence of 0.11 there.
 const SEGMENTS: usize = 8;
 const SEGMENT_PULSES: usize = 64;
+
+/// Largest number of pulses that are compared, the first of each segment: with the bins of a range profile they determine the phase to some 1e-4 radians.
+const MAX_PULSES: usize = 1040;
 
 /// Samples of a channel read at a time.
 const BLOCK_SAMPLES: usize = 1 << 20;
@@ -88,8 +92,7 @@ pub fn balance(
     let band = shared_band(channels)?;
     let names: Vec<&str> = channels.about().map(|about| about.name.as_str()).collect();
     let reference = channels.channel(0);
-    let mut balances = vec![ChannelBalance::REFERENCE];
-    for c in 1..channels.len() {
+    let of_channel = |c: usize| {
         let history = channels.channel(c);
         let cross = |exchanged: bool| {
             let partners = alignment.nearest(c, exchanged);
@@ -123,9 +126,16 @@ pub fn balance(
                 expected: MIN_COHERENCE,
             });
         }
-        balances.push(own);
-    }
-    Ok(balances)
+        Ok(own)
+    };
+    let others: Vec<Result<ChannelBalance, GmtiError>> = (1..channels.len())
+        .into_par_iter()
+        .map(of_channel)
+        .collect();
+    // The first error in the order of the channels.
+    std::iter::once(Ok(ChannelBalance::REFERENCE))
+        .chain(others)
+        .collect()
 }
 
 /// Frequency axis of all pulses of all channels.
@@ -182,9 +192,10 @@ impl Cross {
         };
         let segment = partners.len().div_ceil(SEGMENTS).max(SEGMENT_PULSES);
         let block = (BLOCK_SAMPLES / count).clamp(1, segment);
+        let used = segment.min(MAX_PULSES / SEGMENTS);
         let mut reader = Reader::new(count, centre_m);
         for first in (0..partners.len()).step_by(segment) {
-            let last = (first + segment).min(partners.len());
+            let last = (first + used).min(partners.len());
             for start in (first..last).step_by(block) {
                 let pulses = start..(start + block).min(last);
                 reader.add([reference, other], pulses, partners, &mut sums)?;
@@ -207,10 +218,15 @@ impl Cross {
     fn balance(&self, band: &Band) -> ChannelBalance {
         let middle = (band.count / 2) as f64;
         let sum = |cycles_a_sample: f64| {
-            let terms = self.spectrum.iter().enumerate();
-            terms
-                .map(|(k, c)| c * Complex64::cis(TAU * (k as f64 - middle) * cycles_a_sample))
-                .sum::<Complex64>()
+            let turn = Complex64::cis(TAU * cycles_a_sample);
+            let parts = self.spectrum.chunks(RECURRENCE).enumerate();
+            let sums = parts.map(|(i, part)| {
+                let first = (i * RECURRENCE) as f64 - middle;
+                let first = Complex64::cis(TAU * first * cycles_a_sample);
+                // Horner's rule from the last sample.
+                first * part.iter().rfold(Complex64::ZERO, |sum, c| sum * turn + c)
+            });
+            sums.sum::<Complex64>()
         };
         let steps = (DELAYS_A_CELL * band.count) as i64;
         let places = (-steps / 2..steps / 2).map(|i| i as f64 / steps as f64);

@@ -32,13 +32,14 @@
 //!
 //! Blind velocities are those with `s(v) = 1`: 0, and with two channels the multiples of the ambiguity interval.
 //!
-//! **Cost** per pixel: six sums of `N^2` products and a factorisation; `M` products of `N` elements for `M` velocities where its energy exceeds the threshold.
+//! **Cost** per pixel: `N^2` products, five sums of each, and the energy in closed form for `N` up to 2, else a factorisation; `M` products of `N` elements for `M` velocities where its energy exceeds the threshold.
 
 use std::sync::OnceLock;
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::image::{Image, power};
 
 use crate::adaptive::{
     AdaptiveError, Covariance, Detector, Loading, Performance, Statistic, Whitener,
@@ -46,7 +47,7 @@ use crate::adaptive::{
 use crate::alignment::Alignment;
 use crate::error::GmtiError;
 use crate::images::ChannelImages;
-use crate::interleaved::{Interleaved, Spacing};
+use crate::interleaved::{self, Interleaved, RingRow, Spacing};
 
 /// Velocities per unambiguous interval and ratio of largest and smallest lag.
 const VELOCITIES: f64 = 16.0;
@@ -187,44 +188,25 @@ pub fn detect(
         })
     };
     let detector = Detector::new(Whitener::known(size, &identity(size))?, &steering)?;
-    let interleaved = Interleaved::new([rows, columns], spacing);
-    let band = |band| {
-        let mut detector = detector.clone();
-        let mut cell = vec![Complex32::ZERO; size];
-        let mut tested = Vec::new();
-        let vector = |pixel: usize, out: &mut [Complex32]| differences(images, pixel, out);
-        interleaved.for_each_ring(
-            &band,
-            settings.reach([rows, columns]),
-            size,
-            vector,
-            |pixel, ring| {
-                let snapshots = ring.snapshots();
-                if snapshots >= 2 * size && detector.train(ring, Loading::Off).is_ok() {
-                    differences(images, pixel, &mut cell);
-                    let threshold = threshold(snapshots);
-                    // Most cells are below the threshold for any steering vector.
-                    let amf = match detector.energy(&cell) > threshold {
-                        true => detector.evaluate(Statistic::Amf, &cell).value,
-                        false => 0.0,
-                    };
-                    let snr = (amf * snapshots as f64) as f32;
-                    tested.push((pixel, snr, amf > threshold));
-                }
-            },
-        );
-        tested
+    let tester = Tester {
+        images,
+        interleaved: Interleaved::new([rows, columns], spacing),
+        reach: settings.reach([rows, columns]),
+        size,
+        scale: unit_scale(&images.images[0]),
     };
-    let bands: Vec<Vec<(usize, f32, bool)>> =
-        interleaved.bands().into_par_iter().map(band).collect();
+    let bands = tester.interleaved.bands().into_par_iter();
+    let bands: Vec<Band> = bands
+        .map(|band| tester.band(&band, detector.clone(), threshold))
+        .collect();
+    let tested: usize = bands.iter().map(|band| band.tested).sum();
     let mut map = StatisticMap {
         rows,
         columns,
         snr: vec![0.0; rows * columns],
         detected: vec![false; rows * columns],
         spacing,
-        cells: bands.iter().map(Vec::len).sum::<usize>() as f64
-            / (spacing.rows * spacing.columns) as f64,
+        cells: tested as f64 / (spacing.rows * spacing.columns) as f64,
         single_probability: single,
     };
     if map.cells == 0.0 {
@@ -233,14 +215,181 @@ pub fn detect(
             2 * size
         )));
     }
-    for (pixel, snr, detected) in bands.into_iter().flatten() {
+    for (pixel, snr, detected) in bands.into_iter().flat_map(|band| band.strong) {
         (map.snr[pixel], map.detected[pixel]) = (snr, detected);
     }
     Ok(map)
 }
 
+/// Least pivot of a covariance, relative to its diagonal element, with which sums of float32 products are used. Their rounding error is some 1e-8 of the
+/// diagonal.
+const SOUND: f64 = 1e-6;
+
+/// The same for energies of float32 products, and the relative margin of such an energy from the threshold.
+const QUICK: f64 = 1e-3;
+
+/// Test of the pixels of an image.
+struct Tester<'a> {
+    images: &'a ChannelImages,
+    interleaved: Interleaved,
+    reach: [usize; 2],
+    size: usize,
+    /// Factor of the pixels, a power of two, so that products do not leave the range of float32.
+    scale: f32,
+}
+
+/// Result of a band.
+struct Band {
+    tested: usize,
+    /// Pixel, SNR, and whether it exceeds its threshold, for pixels whose energy exceeds the threshold.
+    strong: Vec<(usize, f32, bool)>,
+}
+
+impl Tester<'_> {
+    /// Test the pixels of a band. `threshold` depends on the number of snapshots.
+    fn band(
+        &self,
+        band: &interleaved::Band,
+        mut detector: Detector,
+        threshold: impl Fn(usize) -> f64,
+    ) -> Band {
+        let columns = self.images.images[0].columns;
+        let within = |axis: usize| {
+            self.reach
+                .map(|reach| self.interleaved.cells_within(axis, reach))
+        };
+        let [down, across] = [0, 1].map(within);
+        let mut covariance = Covariance::new(self.size);
+        // Number of snapshots and threshold of each column; infinite where too few.
+        let mut limits = vec![(0, f64::INFINITY); columns];
+        let mut last = None;
+        let (mut tested, mut strong) = (0, Vec::new());
+        let rows = |row: usize, line: &mut [Vec<Complex32>]| self.row(row, line);
+        let visit = |ring: &RingRow| {
+            let own = [0, 1].map(|i| down[i][ring.row]);
+            if last.replace(own) != Some(own) {
+                for (column, limit) in limits.iter_mut().enumerate() {
+                    let [inner, outer] = [0, 1].map(|i| own[i] * across[i][column]);
+                    let snapshots = outer - inner;
+                    let is_enough = snapshots >= 2 * self.size;
+                    let value = if is_enough {
+                        threshold(snapshots)
+                    } else {
+                        f64::INFINITY
+                    };
+                    *limit = (snapshots, value);
+                }
+            }
+            for (column, &(snapshots, threshold)) in limits.iter().enumerate() {
+                if snapshots < 2 * self.size {
+                    continue;
+                }
+                match self.is_weak(ring, column, threshold) {
+                    Some(true) => {
+                        tested += 1;
+                        continue;
+                    }
+                    Some(false) => {}
+                    None => continue,
+                }
+                let pixel = ring.row * columns + column;
+                covariance.set(snapshots, ring.sums.iter().map(|element| element[column]));
+                let is_sound = detector.train(&covariance, Loading::Off).is_ok()
+                    && detector.least_pivot(&covariance) > SOUND;
+                if !is_sound {
+                    self.sum_exactly(pixel, &mut covariance);
+                    if detector.train(&covariance, Loading::Off).is_err() {
+                        continue;
+                    }
+                }
+                tested += 1;
+                let mut cell = vec![Complex32::ZERO; self.size];
+                self.cell(pixel, &mut cell);
+                // Most cells are below the threshold for any steering vector.
+                if detector.energy(&cell) > threshold {
+                    let amf = detector.evaluate(Statistic::Amf, &cell).value;
+                    strong.push((pixel, (amf * snapshots as f64) as f32, amf > threshold));
+                }
+            }
+        };
+        self.interleaved
+            .for_each_row(band, self.reach, self.size, rows, visit);
+        Band { tested, strong }
+    }
+
+    /// Whether the energy of a pixel is certainly below the threshold; `None` if the ring has no power or is not finite, so that it cannot be tested.
+    ///
+    /// With `S` the sum over the ring, the energy is `x^H adj(S) x / det(S)`: no factorisation and no division.
+    fn is_weak(&self, ring: &RingRow, column: usize, threshold: f64) -> Option<bool> {
+        let sum = |e: usize| ring.sums[e][column];
+        let own = |e: usize| f64::from(ring.own[e][column]);
+        match self.size {
+            1 => {
+                let power = sum(0);
+                // The comparison is false for NaN as well.
+                let is_sound = power > 0.0 && power.is_finite();
+                is_sound.then(|| (1.0 + QUICK) * own(0) < threshold * power)
+            }
+            2 => {
+                let [first, re, im, second] = [0, 1, 2, 3].map(sum);
+                let diagonal = first * second;
+                let determinant = diagonal - re * re - im * im;
+                if determinant > QUICK * diagonal && first > 0.0 && diagonal.is_finite() {
+                    let energy =
+                        second * own(0) + first * own(3) - 2.0 * (re * own(1) + im * own(2));
+                    return Some((1.0 + QUICK) * energy < threshold * determinant);
+                }
+                (diagonal.is_finite() && diagonal != 0.0).then_some(false)
+            }
+            _ => Some(false),
+        }
+    }
+
+    /// Scaled differences of a row, element by element.
+    fn row(&self, row: usize, out: &mut [Vec<Complex32>]) {
+        let line = |image: &Image| row * image.columns..(row + 1) * image.columns;
+        let [first, others @ ..] = &self.images.images[..] else {
+            return;
+        };
+        for (out, image) in out.iter_mut().zip(others) {
+            let pairs = image.pixels[line(image)]
+                .iter()
+                .zip(&first.pixels[line(first)]);
+            for (out, (own, first)) in out.iter_mut().zip(pairs) {
+                *out = (own - first) * self.scale;
+            }
+        }
+    }
+
+    /// Scaled differences of a pixel.
+    fn cell(&self, pixel: usize, out: &mut [Complex32]) {
+        differences(self.images, pixel, out);
+        out.iter_mut().for_each(|value| *value *= self.scale);
+    }
+
+    /// Sum over the ring of a pixel in float64.
+    fn sum_exactly(&self, pixel: usize, covariance: &mut Covariance) {
+        let mut cell = vec![Complex32::ZERO; self.size];
+        covariance.clear();
+        for training in self.interleaved.ring(pixel, self.reach) {
+            self.cell(training, &mut cell);
+            covariance.add(&cell);
+        }
+    }
+}
+
+/// Power of two that scales an image to a mean power of about 1.
+fn unit_scale(image: &Image) -> f32 {
+    let powers = image.pixels.iter().map(|&pixel| power(pixel));
+    let mean = powers.sum::<f64>() / image.pixels.len() as f64;
+    match mean.is_normal() {
+        true => (-libm::log2(mean) / 2.0).round().clamp(-60.0, 60.0).exp2() as f32,
+        false => 1.0,
+    }
+}
+
 /// Steering vectors of the channel differences; with two channels all velocities have the same one.
-fn steering_of_differences(lags_s: &[f64], centre_hz: f64) -> Vec<Complex64> {
+pub(crate) fn steering_of_differences(lags_s: &[f64], centre_hz: f64) -> Vec<Complex64> {
     if lags_s.len() == 2 {
         return vec![Complex64::ONE];
     }
@@ -254,7 +403,7 @@ fn steering_of_differences(lags_s: &[f64], centre_hz: f64) -> Vec<Complex64> {
 }
 
 /// Length of the curve of steering vectors, whitened by the mean covariance of the image, radians.
-fn curve_length(
+pub(crate) fn curve_length(
     images: &ChannelImages,
     spacing: Spacing,
     steering: &[Complex64],
@@ -292,14 +441,18 @@ fn curve_length(
     Ok(vectors.windows(2).map(angle).sum())
 }
 
+/// Probability of false alarm of the maximum over a curve, for the probability of one velocity.
+pub(crate) fn of_maximum(one: f64, curve_length: f64) -> f64 {
+    let log = -libm::log(one.max(f64::MIN_POSITIVE));
+    one * (1.0 + curve_length * (log / std::f64::consts::PI).sqrt())
+}
+
 /// Probability of false alarm of one velocity with which the maximum over a curve has the requested one.
-fn of_one_velocity(requested: f64, curve_length: f64) -> f64 {
-    let of_maximum =
-        |p: f64| p * (1.0 + curve_length * (-libm::log(p) / std::f64::consts::PI).sqrt());
+pub(crate) fn of_one_velocity(requested: f64, curve_length: f64) -> f64 {
     let [mut low, mut high] = [0.0, requested];
     for _ in 0..100 {
         let middle = (low + high) / 2.0;
-        match of_maximum(middle) > requested {
+        match of_maximum(middle, curve_length) > requested {
             true => high = middle,
             false => low = middle,
         }

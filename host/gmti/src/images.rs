@@ -9,10 +9,12 @@
 
 use glam::DVec3;
 use num_complex::Complex64;
+use rayon::prelude::*;
+use serde_json::{Map, Value};
 use subaperture_focus::{ImageFormer, Numerics, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::Image;
+use subaperture_model::image::{Image, power};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channels, Pulse, Weights};
 use subaperture_signal::window::Window;
@@ -55,6 +57,8 @@ pub struct ChannelImages {
     pub models: Vec<PhaseModel>,
     /// Largest predicted relative RMS error of an image, dB.
     pub predicted_error_db: f64,
+    /// Choices and figures of the former for each image.
+    pub settings: Vec<Map<String, Value>>,
     /// Frequency of sample `K/2`, the reference of phases, hertz.
     pub centre_hz: f64,
     /// Weights with which each image was formed.
@@ -89,6 +93,7 @@ impl Imaging<'_> {
         let [fast, slow] = self.windows;
         let weights = alignment.weights(band.count, fast, slow);
         let mut images = Vec::with_capacity(channels.len());
+        let mut settings = Vec::with_capacity(channels.len());
         let mut predicted_error_db = f64::NEG_INFINITY;
         for (c, weights) in weights.iter().enumerate() {
             let history = Balanced::new(channels.channel(c), &balances[c]);
@@ -100,6 +105,7 @@ impl Imaging<'_> {
             };
             let formed = self.former.form(&task)?;
             predicted_error_db = predicted_error_db.max(formed.predicted_error_db);
+            settings.push(formed.settings);
             images.push(formed.image);
         }
         let view = self.view(channels, alignment, centre_m, band.centre_hz());
@@ -119,6 +125,7 @@ impl Imaging<'_> {
             balances,
             models,
             predicted_error_db,
+            settings,
             centre_hz: band.centre_hz(),
             weights,
             view,
@@ -170,26 +177,69 @@ pub struct Cancellation {
 }
 
 impl ChannelImages {
+    /// Mean of the registered images: clutter has the same value in each, and noise of `C` channels is lower by `10 log10 C` dB.
+    pub fn mean(&self) -> Image {
+        let [first, others @ ..] = &self.images[..] else {
+            return Image {
+                rows: 0,
+                columns: 0,
+                pixels: Vec::new(),
+            };
+        };
+        let scale = 1.0 / self.images.len() as f32;
+        let mut mean = first.clone();
+        let lines = mean.pixels.par_chunks_mut(first.columns.max(1));
+        lines.enumerate().for_each(|(row, line)| {
+            let start = row * first.columns;
+            for image in others {
+                let own = &image.pixels[start..start + line.len()];
+                line.iter_mut()
+                    .zip(own)
+                    .for_each(|(sum, pixel)| *sum += pixel);
+            }
+            line.iter_mut().for_each(|sum| *sum *= scale);
+        });
+        mean
+    }
+
+    /// Predicted relative RMS error of `mean`, the mean of the images, dB.
+    ///
+    /// Image `c` has the RMS value `s_c` and an error of at most `b s_c`, with the largest relative error `b` of all images. By the triangle
+    /// inequality the error of the mean is at most `b sum_c s_c / C`, whatever the correlation of the errors. Relative to the RMS value `m` of
+    /// the mean it is at most `b (sum_c s_c / C) / m`. The second factor is 1 for equal images and `C^(1/2)` for independent ones. It is measured.
+    pub fn mean_error_db(&self, mean: &Image) -> f64 {
+        let rms = |image: &Image| {
+            let lines = image.pixels.par_chunks(image.columns.max(1));
+            let powers = lines.map(|line| line.iter().map(|&pixel| power(pixel)).sum::<f64>());
+            // A sum in order, so that it does not depend on the number of threads.
+            let powers: Vec<f64> = powers.collect();
+            powers.iter().sum::<f64>().sqrt()
+        };
+        let own = self.images.iter().map(rms).sum::<f64>() / self.images.len() as f64;
+        self.predicted_error_db + 20.0 * libm::log10(own / rms(mean))
+    }
+
     /// Cancellation of the clutter of a channel with the first one. For a coherence `rho` and equal powers the ratio is `1 / (1 - rho)`.
     pub fn cancellation(&self, channel: usize) -> Cancellation {
         let [a, b] = [0, channel].map(|c| &self.images[c]);
-        let (mut ratios, mut coherences) = (Vec::new(), Vec::new());
-        for first_row in (0..a.rows).step_by(BLOCK) {
-            for first_column in (0..a.columns).step_by(BLOCK) {
-                let (mut cross, mut rest, mut powers) = (Complex64::ZERO, 0.0, [0.0; 2]);
-                for row in first_row..(first_row + BLOCK).min(a.rows) {
-                    for column in first_column..(first_column + BLOCK).min(a.columns) {
-                        let at = row * a.columns + column;
-                        let values = [a, b].map(|image| widen(image.pixels[at]));
-                        cross += values[1] * values[0].conj();
-                        rest += (values[1] - values[0]).norm_sqr();
-                        powers = [0, 1].map(|i| powers[i] + values[i].norm_sqr());
-                    }
+        let across = a.columns.div_ceil(BLOCK);
+        let block = |i: usize| {
+            let (first_row, first_column) = (i / across * BLOCK, i % across * BLOCK);
+            let (mut cross, mut rest, mut powers) = (Complex64::ZERO, 0.0, [0.0; 2]);
+            for row in first_row..(first_row + BLOCK).min(a.rows) {
+                for column in first_column..(first_column + BLOCK).min(a.columns) {
+                    let at = row * a.columns + column;
+                    let values = [a, b].map(|image| widen(image.pixels[at]));
+                    cross += values[1] * values[0].conj();
+                    rest += (values[1] - values[0]).norm_sqr();
+                    powers = [0, 1].map(|i| powers[i] + values[i].norm_sqr());
                 }
-                ratios.push((powers[0] + powers[1]) / rest);
-                coherences.push(cross.norm() / (powers[0] * powers[1]).sqrt());
             }
-        }
+            let ratio = (powers[0] + powers[1]) / rest;
+            (ratio, cross.norm() / (powers[0] * powers[1]).sqrt())
+        };
+        let blocks = (0..across * a.rows.div_ceil(BLOCK)).into_par_iter();
+        let (ratios, coherences): (Vec<f64>, Vec<f64>) = blocks.map(block).unzip();
         let [ratio, coherence] = [ratios, coherences].map(median);
         Cancellation {
             ratio_db: 10.0 * ratio.log10(),

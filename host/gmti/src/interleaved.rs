@@ -1,18 +1,26 @@
 //! Images of independent cells: pixels at the spacing of independent samples, as interleaved images.
 
+use std::ops::Range;
+
 use num_complex::{Complex32, Complex64};
 use subaperture_model::image::Image;
 
-use crate::adaptive::{Covariance, widen};
+use crate::adaptive::widen;
 
 /// Rows of an interleaved image that are processed with one running sum.
-const BAND_ROWS: usize = 32;
+const BAND_ROWS: usize = 64;
 
 /// Largest spacing that is searched, pixels.
 const MAX_SPACING: usize = 32;
 
 /// Edge of the blocks whose correlation is averaged, pixels.
 const BLOCK: usize = 64;
+
+/// Largest number of blocks: of more, as many are taken at equal distances. Some 40,000 independent cells determine `|r|^2` to 3e-5.
+const MOST_BLOCKS: usize = 64;
+
+/// Squared correlation from which it is noise of the estimate.
+const NOISE: f64 = 0.01;
 
 /// Spacing of independent cells in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -27,56 +35,71 @@ impl Spacing {
     /// Measure the correlation length `sum |r(lag)|^2` of the pixels of an image along both axes, rounded up; `r` is the autocorrelation, averaged over
     /// blocks of equal weight.
     pub fn measure(image: &Image) -> Self {
-        let along = |rows: bool| {
-            let (count, others) = match rows {
-                true => (image.rows, image.columns),
-                false => (image.columns, image.rows),
+        let along = |axis: usize| {
+            let count = [image.rows, image.columns][axis];
+            let blocks = blocks(image);
+            let sound: Vec<(&Block, f64)> = blocks
+                .iter()
+                .map(|block| (block, correlation(block, image, axis, 0).re))
+                .filter(|(_, power)| *power > 0.0 && power.is_finite())
+                .collect();
+            let correlation = |lag: usize| {
+                let terms = sound.iter().map(|(block, power)| {
+                    let length = block[axis].len();
+                    let pairs = length.saturating_sub(lag).max(1);
+                    correlation(block, image, axis, lag) / power * (length as f64 / pairs as f64)
+                });
+                terms.sum::<Complex64>() / (sound.len() as f64).max(1e-300)
             };
             let most = MAX_SPACING.min(count.saturating_sub(1));
-            let mut sums = vec![Complex64::ZERO; most + 1];
-            for start in (0..count).step_by(BLOCK) {
-                let end = (start + BLOCK).min(count);
-                for line in (0..others).step_by(BLOCK) {
-                    let lines = line..(line + BLOCK).min(others);
-                    let mut block = vec![Complex64::ZERO; most + 1];
-                    for other in lines {
-                        let at = |i: usize| {
-                            let index = match rows {
-                                true => i * image.columns + other,
-                                false => other * image.columns + i,
-                            };
-                            widen(image.pixels[index])
-                        };
-                        for i in start..end {
-                            let own = at(i).conj();
-                            let last = (i + most).min(end - 1);
-                            for j in i..=last {
-                                block[j - i] += at(j) * own;
-                            }
-                        }
-                    }
-                    if block[0].re > 0.0 && block[0].re.is_finite() {
-                        let length = end - start;
-                        for (lag, (sum, value)) in sums.iter_mut().zip(&block).enumerate() {
-                            let pairs = length.saturating_sub(lag).max(1);
-                            *sum += value / block[0].re * (length as f64 / pairs as f64);
-                        }
-                    }
-                }
-            }
-            let squares = sums[1..]
-                .iter()
-                .map(|r| (r / sums[0].re.max(1e-300)).norm_sqr());
-            // Noise of the estimate is left out.
-            let squares = squares.take_while(|&square| square > 0.01);
+            let squares = (1..=most).map(|lag| correlation(lag).norm_sqr());
+            let squares = squares.take_while(|&square| square > NOISE);
             let cells = 1.0 + 2.0 * squares.sum::<f64>();
             (cells.ceil() as usize).clamp(1, MAX_SPACING)
         };
         Self {
-            rows: along(true),
-            columns: along(false),
+            rows: along(0),
+            columns: along(1),
         }
     }
+}
+
+/// Rows and columns of a block.
+type Block = [Range<usize>; 2];
+
+/// Blocks of an image whose correlation is averaged.
+fn blocks(image: &Image) -> Vec<Block> {
+    let size = [image.rows, image.columns];
+    let tiles = size.map(|count| count.div_ceil(BLOCK));
+    let all = tiles[0] * tiles[1];
+    let used = all.min(MOST_BLOCKS);
+    let part = |tile: usize, count: usize| tile * BLOCK..((tile + 1) * BLOCK).min(count);
+    let block = |i: usize| {
+        let tile = i * all / used;
+        [
+            part(tile / tiles[1], size[0]),
+            part(tile % tiles[1], size[1]),
+        ]
+    };
+    (0..used).map(block).collect()
+}
+
+/// Autocorrelation of a block at a `lag` along an axis: the sum of the products.
+fn correlation([rows, columns]: &Block, image: &Image, axis: usize, lag: usize) -> Complex64 {
+    let [down, across] = [[lag, 0], [0, lag]][axis];
+    let line = |row: usize, columns: Range<usize>| &image.pixels[row * image.columns..][columns];
+    let mut sum = Complex64::ZERO;
+    for row in rows.start..rows.end.saturating_sub(down) {
+        if columns.len() <= across {
+            break;
+        }
+        let own = line(row, columns.start..columns.end - across);
+        let other = line(row + down, columns.start + across..columns.end);
+        for (&a, &b) in own.iter().zip(other) {
+            sum += widen(b) * widen(a).conj();
+        }
+    }
+    sum
 }
 
 /// Division of an image into interleaved images.
@@ -85,10 +108,23 @@ pub(crate) struct Interleaved {
     spacing: [usize; 2],
 }
 
-/// Rows of one interleaved image.
+/// Image rows at the spacing of cells, whose rings are summed together.
 pub(crate) struct Band {
-    phase: [usize; 2],
-    rows: std::ops::Range<usize>,
+    phase: usize,
+    rows: Range<usize>,
+}
+
+/// Sums over the training rings of all pixels of an image row.
+///
+/// The outer product of a vector of `N` elements has `N^2` real elements: row by row of the lower triangle, real and imaginary part of each product
+/// with an earlier element, then the power.
+pub(crate) struct RingRow<'a> {
+    /// Row of the image.
+    pub(crate) row: usize,
+    /// Outer product of each pixel, element by element.
+    pub(crate) own: &'a [Vec<f32>],
+    /// Sum over the ring of each pixel, element by element.
+    pub(crate) sums: &'a [Vec<f64>],
 }
 
 impl Interleaved {
@@ -111,17 +147,24 @@ impl Interleaved {
     /// Bands of all interleaved images; they do not depend on the number of threads.
     pub(crate) fn bands(&self) -> Vec<Band> {
         let mut bands = Vec::new();
-        for row in 0..self.spacing[0] {
-            for column in 0..self.spacing[1] {
-                let phase = [row, column];
-                let rows = self.count(phase)[0];
-                for start in (0..rows).step_by(BAND_ROWS) {
-                    let rows = start..(start + BAND_ROWS).min(rows);
-                    bands.push(Band { phase, rows });
-                }
+        for phase in 0..self.spacing[0] {
+            let [rows, _] = self.count([phase, 0]);
+            for start in (0..rows).step_by(BAND_ROWS) {
+                let rows = start..(start + BAND_ROWS).min(rows);
+                bands.push(Band { phase, rows });
             }
         }
         bands
+    }
+
+    /// Number of cells within a reach of each row or column of pixels.
+    pub(crate) fn cells_within(&self, axis: usize, reach: usize) -> Vec<usize> {
+        let cells = |pixel: usize| {
+            let (phase, own) = (pixel % self.spacing[axis], pixel / self.spacing[axis]);
+            let count = (self.size[axis] - phase).div_ceil(self.spacing[axis]);
+            (own + reach + 1).min(count) - own.saturating_sub(reach)
+        };
+        (0..self.size[axis]).map(cells).collect()
     }
 
     fn pixel(&self, phase: [usize; 2], row: usize, column: usize) -> usize {
@@ -149,21 +192,34 @@ impl Interleaved {
         })
     }
 
-    /// Call `visit` for each pixel of a band with the sum over its training ring. `vector` reads the vector of a pixel.
-    pub(crate) fn for_each_ring(
+    /// Call `visit` for each row of a band with the sums over the training rings. `vectors` reads the vectors of an image row, element by element.
+    ///
+    /// Outer products are computed once for each row, in float32. Their sums are float64, so that a product that leaves a ring is subtracted exactly but for
+    /// the rounding of the sum.
+    pub(crate) fn for_each_row(
         &self,
         band: &Band,
         [inner, outer]: [usize; 2],
         degrees: usize,
-        vector: impl Fn(usize, &mut [Complex32]),
-        mut visit: impl FnMut(usize, &Covariance),
+        vectors: impl Fn(usize, &mut [Vec<Complex32>]),
+        mut visit: impl FnMut(&RingRow),
     ) {
-        let [rows, columns] = self.count(band.phase);
-        let empty = Covariance::new(degrees);
-        // Sums over rows within each reach, for each column.
-        let mut strips = [inner, outer].map(|_| vec![empty.clone(); columns]);
-        let mut cell = vec![Complex32::ZERO; degrees];
+        let ([rows, _], columns) = (self.count([band.phase, 0]), self.size[1]);
+        let elements = degrees * degrees;
+        // Rows from the one that leaves the outer reach to the one that enters it.
+        let kept = (2 * outer + 2).min(rows);
+        let mut products = vec![vec![vec![0f32; columns]; elements]; kept];
+        let mut line = vec![vec![Complex32::ZERO; columns]; degrees];
+        let mut next = band.rows.start.saturating_sub(outer);
+        // Sums over the rows within each reach.
+        let mut strips = [inner, outer].map(|_| vec![vec![0f64; columns]; elements]);
+        let mut sums = vec![vec![0f64; columns]; elements];
         for row in band.rows.clone() {
+            while next < (row + outer + 1).min(rows) {
+                vectors(band.phase + next * self.spacing[0], &mut line);
+                outer_products(&line, &mut products[next % kept]);
+                next += 1;
+            }
             for (strip, reach) in strips.iter_mut().zip([inner, outer]) {
                 let first = row == band.rows.start;
                 let entering = match first {
@@ -174,36 +230,98 @@ impl Interleaved {
                     Some(last) if !first => last..last + 1,
                     _ => 0..0,
                 };
-                for (column, sum) in strip.iter_mut().enumerate() {
+                for (e, sum) in strip.iter_mut().enumerate() {
                     for row in entering.clone() {
-                        vector(self.pixel(band.phase, row, column), &mut cell);
-                        sum.add(&cell);
+                        let entering = sum.iter_mut().zip(&products[row % kept][e]);
+                        entering.for_each(|(sum, &value)| *sum += f64::from(value));
                     }
                     for row in leaving.clone() {
-                        vector(self.pixel(band.phase, row, column), &mut cell);
-                        sum.subtract(&cell);
+                        let leaving = sum.iter_mut().zip(&products[row % kept][e]);
+                        leaving.for_each(|(sum, &value)| *sum -= f64::from(value));
                     }
                 }
             }
-            let mut windows = [empty.clone(), empty.clone()];
-            for ((window, strip), reach) in windows.iter_mut().zip(&strips).zip([inner, outer]) {
-                strip.iter().take(reach).for_each(|sum| window.add_sum(sum));
+            for (e, sum) in sums.iter_mut().enumerate() {
+                let [inner_strip, outer_strip] = [0, 1].map(|i| &strips[i][e][..]);
+                self.across(outer_strip, outer, inner_strip, inner, sum);
             }
-            let mut ring = empty.clone();
-            for column in 0..columns {
-                for ((window, strip), reach) in windows.iter_mut().zip(&strips).zip([inner, outer])
-                {
-                    if let Some(sum) = strip.get(column + reach) {
-                        window.add_sum(sum);
-                    }
-                    if let Some(last) = column.checked_sub(reach + 1) {
-                        window.subtract_sum(&strip[last]);
-                    }
-                }
-                ring.clone_from(&windows[1]);
-                ring.subtract_sum(&windows[0]);
-                visit(self.pixel(band.phase, row, column), &ring);
+            visit(&RingRow {
+                row: band.phase + row * self.spacing[0],
+                own: &products[row % kept],
+                sums: &sums,
+            });
+        }
+    }
+
+    /// Running sums over the columns: within the outer reach, less those within the inner one.
+    fn across(
+        &self,
+        outer_strip: &[f64],
+        outer: usize,
+        inner_strip: &[f64],
+        inner: usize,
+        out: &mut [f64],
+    ) {
+        let (step, columns) = (self.spacing[1], out.len());
+        let within = |strip: &[f64], column: usize, reach: usize| -> f64 {
+            let ahead = strip.iter().skip(column).step_by(step);
+            ahead.take(reach + 1).sum()
+        };
+        for (column, sum) in out.iter_mut().enumerate().take(step) {
+            *sum = within(outer_strip, column, outer) - within(inner_strip, column, inner);
+        }
+        // Change from the column one cell before.
+        let change = |column: usize| {
+            let of = |strip: &[f64], reach: usize| {
+                let entering = strip.get(column + reach * step).copied().unwrap_or(0.0);
+                let leaving = column.checked_sub((reach + 1) * step);
+                entering - leaving.map_or(0.0, |column| strip[column])
+            };
+            of(outer_strip, outer) - of(inner_strip, inner)
+        };
+        let first = ((outer + 1) * step).min(columns);
+        let last = columns.saturating_sub(outer * step).max(first);
+        for column in (step..first).chain(last..columns) {
+            out[column] = change(column);
+        }
+        if first < last {
+            let count = last - first;
+            let [entering, leaving] = [first + outer * step, first - (outer + 1) * step];
+            let [entering_in, leaving_in] = [first + inner * step, first - (inner + 1) * step];
+            let outer_ends = outer_strip[entering..][..count]
+                .iter()
+                .zip(&outer_strip[leaving..][..count]);
+            let inner_ends = inner_strip[entering_in..][..count]
+                .iter()
+                .zip(&inner_strip[leaving_in..][..count]);
+            for (out, (outer, inner)) in out[first..last].iter_mut().zip(outer_ends.zip(inner_ends))
+            {
+                *out = (outer.0 - outer.1) - (inner.0 - inner.1);
             }
+        }
+        for column in step..columns {
+            out[column] += out[column - step];
+        }
+    }
+}
+
+/// Outer products of the vectors of a row.
+fn outer_products(line: &[Vec<Complex32>], out: &mut [Vec<f32>]) {
+    let mut out = out.iter_mut();
+    for (i, own) in line.iter().enumerate() {
+        for other in &line[..i] {
+            let [Some(re), Some(im)] = [out.next(), out.next()] else {
+                return;
+            };
+            let parts = re.iter_mut().zip(im);
+            for ((re, im), (a, b)) in parts.zip(own.iter().zip(other)) {
+                *re = a.re * b.re + a.im * b.im;
+                *im = a.im * b.re - a.re * b.im;
+            }
+        }
+        let Some(power) = out.next() else { return };
+        for (power, a) in power.iter_mut().zip(own) {
+            *power = a.re * a.re + a.im * a.im;
         }
     }
 }

@@ -25,9 +25,12 @@
 
 pub mod adaptive;
 mod alignment;
+pub mod ati;
 mod balance;
 pub mod detection;
 mod error;
+pub mod evaluation;
+mod gate;
 pub mod geojson;
 mod groups;
 mod images;

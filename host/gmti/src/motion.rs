@@ -11,17 +11,19 @@
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 use subaperture_focus::moving::{VelocityPlane, velocity_resolution_m_s};
-use subaperture_focus::{ImageFormer, Task};
+use subaperture_focus::{FormError, ImageFormer, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::Channels;
+use subaperture_model::phase_history::{Channels, InMemory, PhaseHistory, ReadError, Weights};
 use subaperture_model::resolution::support::path_gradient;
 
 use crate::alignment::Alignment;
 use crate::balance::Balanced;
 use crate::error::GmtiError;
+use crate::gate::Gate;
 use crate::images::{ChannelImages, Imaging};
 
 /// Largest cross-range velocity that is searched, metres per second.
@@ -54,7 +56,31 @@ pub struct CrossRange {
     pub gain_db: f64,
 }
 
-/// Focus of one target.
+/// Target in the image.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Appearance {
+    /// Position at which it appears, metres.
+    pub(crate) place_m: DVec3,
+    /// Extent along the track, metres.
+    pub(crate) extent_m: f64,
+    /// Ratio of signal to clutter and noise after cancellation, dB.
+    pub(crate) snr_db: f64,
+}
+
+/// Velocities over which a target is focused.
+struct Search {
+    place_m: DVec3,
+    snr_db: f64,
+    /// Gradient of the path at the place in the middle of the aperture.
+    gradient: DVec3,
+    velocities: ImageGrid,
+    /// Resolution in cross-range velocity, metres per second.
+    cross_cell: f64,
+    /// Largest Doppler of the velocities at the ends of the aperture, relative to a stationary scatterer, hertz.
+    doppler_hz: f64,
+}
+
+/// Estimator of cross-range velocities by focus.
 pub(crate) struct Focus<'a> {
     pub(crate) channels: &'a Channels<'a>,
     pub(crate) imaging: &'a Imaging<'a>,
@@ -63,13 +89,62 @@ pub(crate) struct Focus<'a> {
 }
 
 impl Focus<'_> {
-    /// Cross-range velocity of a target that appears at `place_m`, with an extent along the track and an SNR. `None` if the geometry does not resolve it, or the maximum is at the end of the searched velocities.
-    pub(crate) fn cross_range(
+    /// Cross-range velocities of targets that appear at `places`, each with its extent along the track and its SNR. `None` if the geometry does not resolve it, or the maximum is at the end
+    /// of the searched velocities.
+    pub(crate) fn cross_ranges(
         &self,
-        place_m: DVec3,
-        extent_m: f64,
-        snr_db: f64,
-    ) -> Result<Option<CrossRange>, GmtiError> {
+        places: &[Appearance],
+    ) -> Result<Vec<Option<CrossRange>>, GmtiError> {
+        let searches: Vec<Option<Search>> =
+            places.par_iter().map(|place| self.search(place)).collect();
+        let collection = self.channels.channel(0).collection();
+        let doppler_hz = searches.iter().flatten().map(|search| search.doppler_hz);
+        let Some(gate) = Gate::of(collection, doppler_hz.fold(0.0, f64::max)) else {
+            let channels = 0..self.channels.len();
+            let histories: Vec<Balanced> = channels.map(|c| self.balanced(c)).collect();
+            let found = searches.iter().map(|search| {
+                let histories = histories.iter().map(|own| own as &dyn PhaseHistory);
+                self.cross_range(histories, &self.images.weights, search.as_ref())
+            });
+            return found.collect();
+        };
+        let at_once = self.imaging.memory_bytes / 4 / (gate.bytes() * self.channels.len() as u64);
+        let own = self.images.weights.iter();
+        let weights: Vec<Weights> = own.map(|own| gate.weights(own)).collect();
+        let mut found = Vec::with_capacity(places.len());
+        for searches in searches.chunks((at_once as usize).max(1)) {
+            let places_m = searches.iter().flatten().map(|search| search.place_m);
+            let places_m: Vec<DVec3> = places_m.collect();
+            let own = self.images.weights.iter().enumerate();
+            let gated = own.map(|(c, own)| gate.read(&self.balanced(c), own, &places_m));
+            let gated: Vec<Vec<InMemory>> = gated.collect::<Result<_, ReadError>>()?;
+            let mut place = 0;
+            for search in searches {
+                let histories = gated.iter().filter_map(|channel| channel.get(place));
+                let histories = histories.map(|own| own as &dyn PhaseHistory);
+                found.push(self.cross_range(histories, &weights, search.as_ref())?);
+                place += usize::from(search.is_some());
+            }
+        }
+        Ok(found)
+    }
+
+    fn balanced(&self, channel: usize) -> Balanced<'_> {
+        Balanced::new(
+            self.channels.channel(channel),
+            &self.images.balances[channel],
+        )
+    }
+
+    /// Searched velocities of a target. `None` if the geometry does not resolve them.
+    fn search(
+        &self,
+        &Appearance {
+            place_m,
+            extent_m,
+            snr_db,
+        }: &Appearance,
+    ) -> Option<Search> {
         let collection = self.channels.channel(0).collection();
         let epoch_s = self.alignment.centre_s();
         let gradient = {
@@ -77,13 +152,11 @@ impl Focus<'_> {
             let pulse = &collection.pulses[pulses.start + pulses.len() / 2];
             path_gradient(pulse.transmitter_m, pulse.receiver_m, place_m)
         };
-        let Some([x_axis, y_axis]) = axes(gradient, self.images.view.along()) else {
-            return Ok(None);
-        };
+        let [x_axis, y_axis] = axes(gradient, self.images.view.along())?;
         let cell = |direction| velocity_resolution_m_s(collection, place_m, epoch_s, direction);
         let (cross_cell, sight_cell) = (cell(x_axis), cell(y_axis));
         if !(cross_cell.is_finite() && sight_cell.is_finite()) {
-            return Ok(None);
+            return None;
         }
         let axis = |step: f64, half: usize| Axis {
             start: -(half as f64) * step,
@@ -91,7 +164,8 @@ impl Focus<'_> {
             count: 2 * half + 1,
         };
         // A cross-range velocity `v` moves the place by `v T` during the aperture.
-        let of_extent = EXTENT_FACTOR * extent_m / self.alignment.duration_s();
+        let duration_s = self.alignment.duration_s();
+        let of_extent = EXTENT_FACTOR * extent_m / duration_s;
         let searched = (of_extent + EXTRA_CELLS * cross_cell).min(MAX_CROSS_RANGE_M_S);
         let steps = (searched * A_CELL / cross_cell).ceil().clamp(4.0, 1000.0) as usize;
         let velocities = ImageGrid {
@@ -103,43 +177,66 @@ impl Focus<'_> {
             polar: false,
             relief: None,
         };
+        // At the ends of the aperture the line of sight has turned by half of `V T / R`.
+        let turned = self.alignment.speed_m_s() * duration_s
+            / (2.0 * place_m.distance(self.images.view.antenna_m()));
+        let radial_m_s = searched * turned + SIGHT as f64 * velocities.rows.step;
+        Some(Search {
+            place_m,
+            snr_db,
+            gradient,
+            cross_cell,
+            doppler_hz: 2.0 * radial_m_s * self.images.centre_hz / SPEED_OF_LIGHT_M_S,
+            velocities,
+        })
+    }
+
+    /// Cross-range velocity of a target from the `histories` of all channels.
+    fn cross_range<'h>(
+        &self,
+        histories: impl Iterator<Item = &'h dyn PhaseHistory>,
+        weights: &[Weights],
+        search: Option<&Search>,
+    ) -> Result<Option<CrossRange>, GmtiError> {
+        let Some(search) = search else {
+            return Ok(None);
+        };
+        let velocities = &search.velocities;
         let former = VelocityPlane {
-            position_m: place_m,
-            epoch_s,
+            position_m: search.place_m,
+            epoch_s: self.alignment.centre_s(),
             error_db: ERROR_DB,
         };
         let mut planes = Vec::with_capacity(self.channels.len());
-        for (c, weights) in self.images.weights.iter().enumerate() {
-            let history = Balanced::new(self.channels.channel(c), &self.images.balances[c]);
+        for (history, weights) in histories.zip(weights) {
             let task = Task {
                 memory_bytes: self.imaging.memory_bytes,
                 monitor: self.imaging.monitor,
                 numerics: self.imaging.numerics,
-                ..Task::new(&history, &velocities, weights)
+                ..Task::new(history, velocities, weights)
             };
-            planes.push(former.form(&task)?.image);
+            match former.form(&task) {
+                Ok(formed) => planes.push(formed.image),
+                // At every velocity the target leaves the recorded delays.
+                Err(FormError::Unsuited(_)) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            }
         }
-        let powers = self.powers(&planes, &velocities, place_m, gradient);
-        Ok(
-            maximum(&powers, &velocities, snr_db).map(|found| CrossRange {
-                deviation_m_s: libm::hypot(found.deviation_m_s, MODEL_CELLS * cross_cell),
-                ..found
-            }),
-        )
+        let powers = self.powers(&planes, search);
+        let found = maximum(&powers, velocities, search.snr_db);
+        Ok(found.map(|found| CrossRange {
+            deviation_m_s: libm::hypot(found.deviation_m_s, MODEL_CELLS * search.cross_cell),
+            ..found
+        }))
     }
 
     /// Power of the channel differences over velocities.
-    fn powers(
-        &self,
-        planes: &[Image],
-        velocities: &ImageGrid,
-        place_m: DVec3,
-        gradient: DVec3,
-    ) -> Vec<f64> {
+    fn powers(&self, planes: &[Image], search: &Search) -> Vec<f64> {
+        let velocities = &search.velocities;
         let columns = velocities.columns.count;
         let power_at = |i: usize| {
             let velocity = velocities.position_m(i / columns, i % columns);
-            let rate = gradient.dot(velocity);
+            let rate = search.gradient.dot(velocity);
             let first = planes[0].pixels[i];
             let others = planes
                 .iter()
@@ -149,8 +246,8 @@ impl Focus<'_> {
             let terms = others.map(|(c, (plane, lag_s))| {
                 let model = &self.images.models[c - 1];
                 let cycles = self.images.centre_hz * rate * lag_s / SPEED_OF_LIGHT_M_S;
-                let phase =
-                    std::f64::consts::TAU * cycles + self.images.view.phase_rad(model, place_m);
+                let phase = std::f64::consts::TAU * cycles
+                    + self.images.view.phase_rad(model, search.place_m);
                 let factor = Complex64::from_polar(1.0 / model.gain, -phase);
                 let factor = Complex32::new(factor.re as f32, factor.im as f32);
                 power(plane.pixels[i] * factor - first)

@@ -8,7 +8,8 @@ use subaperture_focus::Task;
 use subaperture_focus::moving::Moving;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::Channels;
+use subaperture_model::phase_history::{Channels, Collection, PhaseHistory};
+use subaperture_model::track::Displacement;
 
 use crate::balance::Balanced;
 use crate::error::GmtiError;
@@ -17,6 +18,9 @@ use crate::report::MovingTargets;
 
 /// Least power of the pixels of a target, relative to its peak: -6 dB.
 const TARGET: f64 = 0.25;
+
+/// Intervals of the spline of an accelerated motion.
+const NODES: usize = 64;
 
 /// Image of a target, a part of the grid.
 #[derive(Clone, Debug)]
@@ -51,7 +55,14 @@ impl MovingTargets {
             let Some((grid, first)) = part(imaging.grid, position_m.into(), pixels) else {
                 continue;
             };
-            let moving = Moving::new(&history, DVec3::from(velocity_m_s), about.time_s)?;
+            let velocity_m_s = DVec3::from(velocity_m_s);
+            let displacement = match about.acceleration_m_s2.map(DVec3::from) {
+                Some(rate) if rate != DVec3::ZERO => {
+                    accelerated(history.collection(), about.time_s, (velocity_m_s, rate))?
+                }
+                _ => velocity_m_s.into(),
+            };
+            let moving = Moving::new(&history, displacement, about.time_s)?;
             let task = Task {
                 memory_bytes: imaging.memory_bytes,
                 monitor: imaging.monitor,
@@ -84,6 +95,30 @@ impl Chip {
             }
         }
     }
+}
+
+/// Displacement of constant acceleration over the pulses of a recording, with the velocity at `epoch_s`.
+fn accelerated(
+    collection: &Collection,
+    epoch_s: f64,
+    (velocity_m_s, acceleration_m_s2): (DVec3, DVec3),
+) -> Result<Displacement, GmtiError> {
+    let ends = [collection.pulses.first(), collection.pulses.last()];
+    let [Some(start_s), Some(end_s)] = ends.map(|pulse| pulse.map(|pulse| pulse.time_s)) else {
+        return Err(GmtiError::Track("the recording has no pulses"));
+    };
+    // The spline is straight at its ends: they lie beyond the pulses.
+    let margin_s = (end_s - start_s) / 2.0;
+    let step_s = (end_s - start_s + 2.0 * margin_s) / NODES as f64;
+    let time_s = |i: usize| start_s - margin_s + i as f64 * step_s;
+    let times_s: Vec<f64> = (0..=NODES).map(time_s).collect();
+    let position = |time_s: &f64| {
+        let t = time_s - epoch_s;
+        velocity_m_s * t + acceleration_m_s2 * (0.5 * t * t)
+    };
+    let positions_m: Vec<DVec3> = times_s.iter().map(position).collect();
+    Displacement::sampled(times_s, &positions_m)
+        .map_err(|_| GmtiError::Track("expected ascending pulse times"))
 }
 
 /// Part of a grid of at most `pixels` rows and columns about a position, and its first row and column. `None` if the position is outside.

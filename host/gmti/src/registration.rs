@@ -14,16 +14,20 @@
 //!
 //! An array at a crab angle `psi` to the track, with the baseline `b` along it, has `e = psi b` across the track.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_signal::dense::Factor;
 
 use crate::adaptive::widen;
 
-/// Edge of a block in pixels.
+/// Edge of a block in pixels, or a multiple of it where an image has more than [`MOST_BLOCKS`].
 const BLOCK: usize = 16;
+const MOST_BLOCKS: usize = 4096;
 
 /// Iterations of the reweighted least squares.
 const ITERATIONS: usize = 12;
@@ -72,7 +76,7 @@ impl View {
             along,
             across: if across.z < 0.0 { -across } else { across },
             sight,
-            wavenumber: std::f64::consts::TAU / wavelength_m,
+            wavenumber: TAU / wavelength_m,
         }
     }
 
@@ -131,12 +135,14 @@ pub fn estimate(
     view: &View,
 ) -> Option<PhaseModel> {
     let (rows, columns) = (reference.rows, reference.columns);
-    let tiles = [rows.div_ceil(BLOCK), columns.div_ceil(BLOCK)];
+    let times = (rows * columns).div_ceil(BLOCK * BLOCK * MOST_BLOCKS);
+    let edge = BLOCK * (times as f64).sqrt().ceil() as usize;
+    let tiles = [rows.div_ceil(edge), columns.div_ceil(edge)];
     let block = |i: usize| {
-        let (first_row, first_column) = (i / tiles[1] * BLOCK, i % tiles[1] * BLOCK);
+        let (first_row, first_column) = (i / tiles[1] * edge, i % tiles[1] * edge);
         let last = [
-            (first_row + BLOCK).min(rows),
-            (first_column + BLOCK).min(columns),
+            (first_row + edge).min(rows),
+            (first_column + edge).min(columns),
         ];
         let mut sums = Block {
             cross: Complex64::ZERO,
@@ -156,7 +162,8 @@ pub fn estimate(
         }
         sums
     };
-    let blocks: Vec<Block> = (0..tiles[0] * tiles[1]).map(block).collect();
+    let blocks = (0..tiles[0] * tiles[1]).into_par_iter();
+    let blocks: Vec<Block> = blocks.map(block).collect();
     let sound = || blocks.iter().filter(|block| block.is_sound());
     let count = sound().count();
     if count == 0 {
@@ -173,10 +180,12 @@ pub fn estimate(
         .sum();
     let mut terms = [mean.arg(), along_m, across_m];
     let mut spread_rad = f64::INFINITY;
+    let phases: Vec<(&Block, f64)> = sound().map(|block| (block, block.cross.arg())).collect();
     for _ in 0..ITERATIONS {
-        let residuals = sound().map(|block| {
-            let left = remove([terms[1], terms[2]], block) * Complex64::cis(-terms[0]);
-            (block, left.arg())
+        let residuals = phases.iter().map(|&(block, phase_rad)| {
+            let model_rad = terms[0] + block.slopes[0] * terms[1] + block.slopes[1] * terms[2];
+            let cycles = (phase_rad - model_rad) / TAU;
+            (block, TAU * (cycles - cycles.round()))
         });
         let residuals: Vec<(&Block, f64)> = residuals.collect();
         spread_rad = 1.4826 * median(residuals.iter().map(|(_, left)| left.abs()));
@@ -276,15 +285,62 @@ pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+/// Pixels of a row over which the phase of a model is interpolated.
+const SEGMENT: usize = 64;
+
+/// Largest error of the interpolated phase, radians: -120 dB of the pixel.
+const MAX_ERROR_RAD: f64 = 1e-6;
+
 /// Remove the phase model and the gain from the image of a channel.
+///
+/// Along a row the phase is linear but for a curvature of about `2 pi |e| / (lambda R^2)` per square metre. In segments of pixels it is interpolated
+/// between the ends. The error, largest in the middle, is evaluated there; a segment in which it exceeds 1e-6 rad, and a grid with a relief, whose heights are not
+/// smooth, have the phase of each pixel evaluated.
 pub fn remove(image: &mut Image, grid: &ImageGrid, view: &View, model: &PhaseModel) {
     let columns = image.columns;
-    for row in 0..image.rows {
-        for column in 0..columns {
-            let phase_rad = view.phase_rad(model, grid.position_m(row, column));
-            let factor = Complex64::from_polar(1.0 / model.gain, -phase_rad);
-            let z = &mut image.pixels[row * columns + column];
-            *z *= num_complex::Complex32::new(factor.re as f32, factor.im as f32);
+    let lines = image.pixels.par_chunks_mut(columns.max(1)).enumerate();
+    lines.for_each(|(row, line)| {
+        let phase = |column: usize| view.phase_rad(model, grid.position_m(row, column));
+        let factor = |phase_rad: f64| Complex64::from_polar(1.0 / model.gain, -phase_rad);
+        let mut start_rad = phase(0);
+        for start in (0..columns).step_by(SEGMENT) {
+            let end = (start + SEGMENT).min(columns);
+            let part = &mut line[start..end];
+            // The last segment ends with the row.
+            let last = end.min(columns - 1);
+            let end_rad = phase(last);
+            let middle = (start + last) / 2;
+            let step_rad = (end_rad - start_rad) / (last - start).max(1) as f64;
+            let linear_rad = start_rad + step_rad * (middle - start) as f64;
+            let is_linear = (phase(middle) - linear_rad).abs() <= MAX_ERROR_RAD;
+            if is_linear && grid.relief.is_none() {
+                turn(part, factor(start_rad), -step_rad);
+            } else {
+                for (z, column) in part.iter_mut().zip(start..) {
+                    *z *= narrow(factor(phase(column)));
+                }
+            }
+            start_rad = end_rad;
+        }
+    });
+}
+
+/// Pixels that are rotated together.
+const TOGETHER: usize = 4;
+
+/// Multiply pixel `k` by `factor exp(+j k step)`. The factors of a segment are a recurrence in float64, of an error of some 1e-15.
+fn turn(pixels: &mut [Complex32], factor: Complex64, step_rad: f64) {
+    let mut factors: [Complex64; TOGETHER] =
+        std::array::from_fn(|k| factor * Complex64::cis(step_rad * k as f64));
+    let stride = Complex64::cis(step_rad * TOGETHER as f64);
+    for group in pixels.chunks_mut(TOGETHER) {
+        for (z, factor) in group.iter_mut().zip(&mut factors) {
+            *z *= narrow(*factor);
+            *factor *= stride;
         }
     }
+}
+
+fn narrow(value: Complex64) -> Complex32 {
+    Complex32::new(value.re as f32, value.im as f32)
 }

@@ -10,7 +10,7 @@ use crate::alignment::Alignment;
 use crate::detection::{self, Settings, StatisticMap};
 use crate::error::GmtiError;
 use crate::images::{ChannelImages, Imaging};
-use crate::motion::Focus;
+use crate::motion::{Appearance, Focus};
 use crate::sensitivity::Sensitivity;
 use crate::space_time::{self, Calibration};
 use crate::target::{Estimator, Target};
@@ -91,9 +91,15 @@ pub fn find(
         alignment: &alignment,
         images: &images,
     };
-    for target in targets.iter_mut().take(settings.focused_targets) {
-        let place_m = target.image_position_m.into();
-        target.cross_range = focus.cross_range(place_m, target.extent_m, target.snr_db)?;
+    let strongest = targets.iter().take(settings.focused_targets);
+    let places = strongest.map(|target| Appearance {
+        place_m: target.image_position_m.into(),
+        extent_m: target.extent_m,
+        snr_db: target.snr_db,
+    });
+    let cross_ranges = focus.cross_ranges(&places.collect::<Vec<_>>())?;
+    for (target, cross_range) in targets.iter_mut().zip(cross_ranges) {
+        target.cross_range = cross_range;
         target.velocity_m_s = estimator.velocity_m_s(target);
     }
     Ok(MovingTargets {

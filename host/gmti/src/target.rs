@@ -91,6 +91,8 @@ pub struct Target {
     pub cross_range: Option<CrossRange>,
     /// Horizontal velocity in the scene frame, metres per second, from radial and cross-range velocity.
     pub velocity_m_s: Option<[f64; 3]>,
+    /// Acceleration in the scene frame, metres per second squared; `None` if it was not sought. Its target is assumed to have no cross-range velocity.
+    pub acceleration_m_s2: Option<[f64; 3]>,
     /// Horizontal speed towards the radar, if the motion is horizontal and radial, metres per second.
     pub ground_speed_m_s: f64,
     /// Ratio of signal to clutter and noise after cancellation, dB.
@@ -136,7 +138,7 @@ impl Estimator<'_> {
         let track = SubCpi::new(self.collection, self.alignment.middle_pulses());
         let path_cell_m = 2.0 * self.range_cell_m();
         let rate_cell = SPEED_OF_LIGHT_M_S / self.images.centre_hz / self.alignment.duration_s()
-            * self.interval_s();
+            * self.alignment.interval_s();
         let (mut targets, mut lines): (Vec<Target>, Vec<Lines>) = Default::default();
         let mut side_lobes = 0;
         let ratios = self.windows.map(side_lobe_ratio);
@@ -191,7 +193,7 @@ impl Estimator<'_> {
         let image_m = self.place_m(row, column);
         let sight = (image_m - self.images.view.antenna_m()).normalize_or_zero();
         let level = libm::hypot(sight.x, sight.y);
-        let interval_s = self.interval_s();
+        let interval_s = self.alignment.interval_s();
         let (path_m, rate) = track.path_and_rate(image_m);
         let place = |velocity_m_s: f64, path_m: f64| {
             let rate = rate + 2.0 * velocity_m_s * interval_s;
@@ -226,6 +228,7 @@ impl Estimator<'_> {
             velocity_ambiguity_m_s: ambiguity,
             cross_range: None,
             velocity_m_s: None,
+            acceleration_m_s2: None,
             ground_speed_m_s: velocity / level,
             snr_db: 10.0 * snr(peak).log10(),
             extent_m,
@@ -239,7 +242,7 @@ impl Estimator<'_> {
             epoch_s,
             position_m,
             velocity_m_s,
-            ..
+            acceleration_m_s2,
         } = mover.motion;
         let image_m = mover.image_position_m.unwrap_or(position_m);
         let [row, column] = self.grid.coordinates(image_m);
@@ -269,6 +272,7 @@ impl Estimator<'_> {
                 gain_db: 0.0,
             }),
             velocity_m_s: Some(velocity_m_s.to_array()),
+            acceleration_m_s2: Some(acceleration_m_s2.to_array()),
             ground_speed_m_s: mover.radial_velocity_m_s / libm::hypot(sight.x, sight.y),
             snr_db: 10.0 * mover.integrated.coherent.log10(),
             extent_m: self.azimuth_cell_m(image_m),
@@ -304,12 +308,6 @@ impl Estimator<'_> {
             ) - near
         };
         near + next(r + 1, c) * row.fract() + next(r, c + 1) * column.fract()
-    }
-
-    /// Mean pulse interval of the middle pulses, seconds.
-    fn interval_s(&self) -> f64 {
-        let pulses = &self.collection.pulses[self.alignment.middle_pulses()];
-        (pulses[pulses.len() - 1].time_s - pulses[0].time_s) / (pulses.len() - 1) as f64
     }
 
     /// Resolution along the track at a position, metres: `lambda R / (2 V T)`.

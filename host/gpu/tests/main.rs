@@ -113,6 +113,7 @@ fn bent_track(distance_m: f64, num_pulses: usize, extent_m: f64) -> PointTargetH
             start_hz: 9.7e9,
             step_hz: 600e6 / 512.0,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     let collection = Collection {

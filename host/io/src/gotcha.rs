@@ -103,11 +103,11 @@ pub fn from_bytes(
     memory_bytes: u64,
 ) -> Result<InMemory, ReadError> {
     let path = name.as_ref();
-    let input = InputFile {
-        path: path.to_owned(),
-        bytes: bytes.len() as u64,
-        crc32: format!("{:08x}", crc32fast::hash(&bytes)),
-    };
+    let input = InputFile::with_crc32(
+        path,
+        bytes.len() as u64,
+        format!("{:08x}", crc32fast::hash(&bytes)),
+    );
     let (mut collection, samples) = parse(bytes, memory_bytes).map_err(|error| match error {
         MatError::Malformed(what) => malformed(path, &what),
         MatError::Memory(needed_bytes) => ReadError::Memory {
@@ -131,7 +131,8 @@ pub fn from_bytes(
     let convention = PhaseConvention::stated(PhaseSign::Minus, PhaseReference::Point(DVec3::ZERO));
     Ok(InMemory::new(collection, samples)?
         .with_inputs(vec![input])
-        .with_convention(convention))
+        .with_convention(convention)
+        .with_pulse_defects())
 }
 
 fn malformed(path: &Path, what: &str) -> ReadError {
@@ -199,6 +200,7 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
             start_hz,
             step_hz,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     let pulses: Vec<Pulse> = (0..num_pulses).map(pulse).collect();

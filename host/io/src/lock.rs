@@ -83,7 +83,6 @@ impl Lock {
                         held.insert(path, Arc::downgrade(&lock));
                         drop(held);
                         lock.sweep(folder);
-                        sweep_dead(folder);
                         return Ok(lock);
                     }
                     Attempt::Busy(holder) if tries >= TRIES => return Err(LockError::Busy(holder)),
@@ -102,12 +101,13 @@ impl Lock {
         format!("{PREFIX}{}-{process}-{number}{suffix}", self.key)
     }
 
-    /// Remove partial files of dead runs of this output from `folder`.
+    /// Remove partial files of dead runs of this output from `folder`, and locks of dead runs with their files.
     pub fn sweep(&self, folder: &Path) {
         if self.file.is_some() {
             // This process may hold a lock on an output of this name in another folder, not in this one.
             remove_leftovers(folder, &self.key);
         }
+        sweep_dead(folder);
     }
 }
 

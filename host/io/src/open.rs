@@ -1,4 +1,5 @@
-//! Opening of recordings, recognised by content. Only descriptions of raw recordings, which are text, are recognised
+//! Opening of recordings, recognised by content, in files or at URLs ([`super::remote`]). CPHD, CRSD and HDF5 are read by ranges of bytes;
+//! GOTCHA and archives of arrays at URLs are read whole into memory. Only descriptions of raw recordings, which are text, are recognised
 //! by their suffix `.toml`.
 
 use std::io::Read;
@@ -13,15 +14,18 @@ use super::crsd;
 #[cfg(feature = "gotcha")]
 use super::gotcha;
 use super::input::open_file;
+#[cfg(all(feature = "cphd", feature = "hdf5"))]
+use super::l0b;
 #[cfg(feature = "recording")]
 use super::recording;
+use super::remote;
 use subaperture_model::phase_history::{
     Channel, Channels, CoherentSum, Excluding, Inference, Joined, PhaseHistory, ReadError,
 };
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
 const CRSD_MAGIC: &[u8] = b"CRSD";
-const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0 and GOTCHA (MATLAB 5) files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
+const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0, GOTCHA (MATLAB 5) and NISAR L0B files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
 const ARCHIVE_MAGIC: &[u8] = b"PK\x03\x04";
 const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 
@@ -32,7 +36,7 @@ const START_BYTES: usize = 64;
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
     /// Channel of a multichannel recording, by its name or its number from 1. `None`: the reference channel of CPHD
-    /// or CRSD, the first channel of arrays, and all pulses of a described recording in order of time.
+    /// or CRSD, the first channel of L0B and of arrays, and all pulses of a described recording in order of time.
     pub channel: Option<&'a str>,
     /// Maximum memory of all recordings opened together, bytes.
     pub memory_bytes: u64,
@@ -82,7 +86,7 @@ pub fn open_bytes(
         Format::Gotcha => gotcha_of(name, bytes, options),
         Format::Cphd => cphd_of(name, bytes, options),
         Format::Arrays if start.starts_with(ARCHIVE_MAGIC) => arrays_of(name, bytes, options),
-        Format::Crsd | Format::Arrays | Format::Described => Err(ReadError::Malformed {
+        _ => Err(ReadError::Malformed {
             path: name.to_owned(),
             what: "expected CPHD, GOTCHA or an archive of arrays (.npz), found a format that is read from files only"
                 .to_owned(),
@@ -99,6 +103,8 @@ fn opened(path: &Path, options: &Options) -> Opened {
         }
         Format::Cphd => open_cphd(path, options),
         Format::Crsd => open_crsd(path, options),
+        #[cfg(all(feature = "cphd", feature = "hdf5"))]
+        Format::L0b => open_l0b(path, options),
         Format::Arrays => {
             let channels = array_channels(path, options)?;
             one(channels, options.channel.unwrap_or("1"))
@@ -141,6 +147,8 @@ pub fn open_channels<S: AsRef<str>>(
         Format::Gotcha => Channels::new(vec![(Channel::new("1"), open_gotcha(path, options)?)])?,
         Format::Cphd => return cphd_channels(path, channels, options),
         Format::Crsd => return crsd_channels(path, channels, options),
+        #[cfg(all(feature = "cphd", feature = "hdf5"))]
+        Format::L0b => return l0b_channels(path, channels, options),
         Format::Arrays => array_channels(path, options)?,
         Format::Described => described_channels(path, options)?,
     };
@@ -155,6 +163,8 @@ enum Format {
     Gotcha,
     Cphd,
     Crsd,
+    #[cfg(all(feature = "cphd", feature = "hdf5"))]
+    L0b,
     Arrays,
     Described,
 }
@@ -170,7 +180,12 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
         path: path.to_owned(),
         source,
     })?;
-    recognised(path, &start, options)
+    let format = recognised(path, &start, options)?;
+    #[cfg(all(feature = "cphd", feature = "hdf5"))]
+    if start.starts_with(HDF5_MAGIC) && l0b::is_nisar(path) {
+        return Ok(Format::L0b);
+    }
+    Ok(format)
 }
 
 /// Format of a file that begins with `start`.
@@ -197,7 +212,13 @@ fn recognised(path: &Path, start: &[u8], options: &Options) -> Result<Format, Re
         return Ok(Format::Arrays);
     }
     if described {
-        return Ok(Format::Described);
+        return match remote::url(path) {
+            None => Ok(Format::Described),
+            Some(_) => Err(ReadError::Malformed {
+                path: path.to_owned(),
+                what: "expected a description in a local file, found a URL: copy it with the files that it names".to_owned(),
+            }),
+        };
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -210,6 +231,9 @@ type OpenedChannels = Result<Channels<'static>, ReadError>;
 
 #[cfg(feature = "gotcha")]
 fn open_gotcha(path: &Path, options: &Options) -> Opened {
+    if let Some(bytes) = remote::content(path, options.memory_bytes)? {
+        return gotcha_of(path, bytes, options);
+    }
     Ok(Box::new(gotcha::read(path, options.memory_bytes)?))
 }
 
@@ -289,6 +313,25 @@ fn crsd_channels<S: AsRef<str>>(
     )?)
 }
 
+#[cfg(all(feature = "cphd", feature = "hdf5"))]
+fn open_l0b(path: &Path, options: &Options) -> Opened {
+    let opened = l0b::L0b::open(path, options.channel, options.memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(all(feature = "cphd", feature = "hdf5"))]
+fn l0b_channels<S: AsRef<str>>(
+    path: &Path,
+    channels: Option<&[S]>,
+    options: &Options,
+) -> OpenedChannels {
+    side_by_side(l0b::L0b::open_channels(
+        path,
+        channels,
+        options.memory_bytes,
+    )?)
+}
+
 #[cfg(not(feature = "cphd"))]
 fn open_crsd(path: &Path, _: &Options) -> Opened {
     Err(is_off(path, "a CRSD file", "cphd"))
@@ -315,7 +358,8 @@ fn array_channels(path: &Path, options: &Options) -> OpenedChannels {
     if read_start(path).is_ok_and(|start| start.starts_with(HDF5_MAGIC)) {
         return Err(is_off(path, "an HDF5 file", "hdf5"));
     }
-    arrays::open_channels(path, options.memory_bytes, options.inference.as_ref())
+    let inference = options.inference.as_ref();
+    arrays::open_channels(path, options.memory_bytes, inference)
 }
 
 #[cfg(feature = "npz")]
@@ -415,6 +459,22 @@ pub fn crsd_info(path: &Path) -> Result<Option<crsd::CrsdInfo>, ReadError> {
     crsd::CrsdInfo::read(path).map(Some)
 }
 
+/// Metadata of a NISAR L0B file, read with at most `memory_bytes` of memory. `None` for other files.
+///
+/// # Errors
+/// As [`l0b::L0bInfo::read`].
+#[cfg(all(feature = "cphd", feature = "hdf5"))]
+pub fn l0b_info(path: &Path, memory_bytes: u64) -> Result<Option<l0b::L0bInfo>, ReadError> {
+    let start = read_start(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    if !start.starts_with(HDF5_MAGIC) || !l0b::is_nisar(path) {
+        return Ok(None);
+    }
+    l0b::L0bInfo::read(path, memory_bytes).map(Some)
+}
+
 /// Open recordings and join them into one aperture, with pulses in the order of [`Joined`] for any order of `paths`.
 ///
 /// # Errors
@@ -500,6 +560,9 @@ fn check_memory<P: AsRef<Path>>(
 
 /// First bytes of a file, enough to recognise every format.
 fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
+    if let Some(url) = remote::url(path) {
+        return remote::start(url, START_BYTES);
+    }
     let mut start = Vec::new();
     open_file(path)?
         .take(START_BYTES as u64)

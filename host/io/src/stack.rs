@@ -3,6 +3,7 @@
 //! | array | shape | content |
 //! |---|---|---|
 //! | `image` | stack, y, x | `complex64`, one chunk per tile of an image |
+//! | one per measure | y, x | `float32`, such as the coherence of two images; NaN where undefined |
 //! | `y`, `x` | y; x | float64: rows and columns of the grid, metres in its plane (for a polar grid range in metres and angle in radians) |
 //! | `stack` | stack | int64: image numbers from 0 |
 //! | `time` | stack | int64: start of each recording, nanoseconds since 1970; omitted unless known for all |
@@ -12,8 +13,8 @@
 //!
 //! **Atomic output.** The folder is written under a hidden name and renamed. Memory: one tile.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -25,15 +26,13 @@ use super::json::{self, Limits};
 use super::moves;
 use super::place::OutputPlace;
 use super::unfinished::{self, Unfinished};
-use subaperture_model::geometry::{Axis, ImageGrid};
+use super::zarr_arrays::{Array, DESCRIPTION, chunk, write_axis, write_integers, write_json};
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{ImageSource, ImageSourceError, Tiling};
 use subaperture_model::monitor::Monitor;
 
 /// Value of `schema` in the group's attributes.
 pub const SCHEMA: &str = "subaperture-stack";
-
-/// Name of the metadata file of a group or array.
-const DESCRIPTION: &str = "zarr.json";
 
 /// Number of rows and columns of a tile.
 const TILE: usize = 512;
@@ -50,12 +49,27 @@ const LIMITS: Limits = Limits {
 pub struct Stack<'a> {
     /// Images, all of the grid's size.
     pub images: &'a [&'a dyn ImageSource],
-    /// Pixel grid.
+    /// Grid of the pixels.
     pub grid: &'a ImageGrid,
     /// Start of each recording in nanoseconds since 1970; empty unless known for all.
     pub start_ns: &'a [i64],
+    /// Measures of the images, stored as arrays of their own.
+    pub measures: &'a [Measure<'a>],
     /// Further attributes of the group, a JSON object.
     pub attributes: &'a Value,
+}
+
+/// Real value per pixel of a stack's grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Measure<'a> {
+    /// Name of the array, such as `coherence`.
+    pub name: &'a str,
+    /// Description of the values, for readers.
+    pub long_name: &'a str,
+    /// Units after the CF conventions.
+    pub units: &'a str,
+    /// Values in row-major order.
+    pub values: &'a [f32],
 }
 
 /// Reason why a stack was not written.
@@ -86,7 +100,8 @@ impl Stack<'_> {
     pub fn bytes(&self) -> u64 {
         let tiling = self.tiling();
         let tile = 8 * tiling.tile[0] as u64 * tiling.tile[1] as u64;
-        tile * tiling.count() as u64 * self.images.len() as u64
+        let images = 2 * self.images.len() + self.measures.len();
+        tile / 2 * tiling.count() as u64 * images as u64
     }
 
     /// Write the group as the folder `path`. An existing stack of this program is replaced.
@@ -95,10 +110,12 @@ impl Stack<'_> {
     /// [`StackError`]; `path` is then unchanged.
     ///
     /// # Panics
-    /// Panics if an image does not have the grid's size, or the number of times is not zero or that of the images.
+    /// Panics if an image or measure does not have the grid's size, or the number of times is not zero or that of the images.
     pub fn write(&self, path: &Path, monitor: &dyn Monitor) -> Result<(), StackError> {
         let size = (self.grid.rows.count, self.grid.columns.count);
         assert!(self.images.iter().all(|image| image.size() == size));
+        let filled = |measure: &Measure| measure.values.len() == size.0 * size.1;
+        assert!(self.measures.iter().all(filled));
         assert!([0, self.images.len()].contains(&self.start_ns.len()));
         let place = OutputPlace::of_folder(path)?;
         let failed = |source: io::Error| WriteError::Io {
@@ -108,11 +125,12 @@ impl Stack<'_> {
         };
         check_room(path, place.folder(), self.bytes())?;
         place.lock.sweep(place.folder());
-        let beside = StagedFolder::create(place.folder().join(place.lock.hidden_name(".zarr")))
+        let staged = StagedFolder::create(place.folder().join(place.lock.hidden_name(".zarr")))
             .map_err(failed)?;
-        self.write_images(&beside.0, monitor, &failed)?;
-        self.describe(&beside.0).map_err(failed)?;
-        Ok(beside.put_in_place(&place, failed)?)
+        self.write_images(&staged.0, monitor, &failed)?;
+        self.write_measures(&staged.0).map_err(failed)?;
+        self.describe(&staged.0).map_err(failed)?;
+        Ok(staged.put_in_place(&place, failed)?)
     }
 
     fn write_images(
@@ -147,6 +165,27 @@ impl Stack<'_> {
         Ok(())
     }
 
+    fn write_measures(&self, folder: &Path) -> io::Result<()> {
+        let tiling = self.tiling();
+        for measure in self.measures {
+            for index in 0..tiling.count() {
+                let [rows, columns] = tiling.place(index);
+                let mut bytes = Vec::with_capacity(4 * tiling.tile[0] * tiling.tile[1]);
+                for row in 0..tiling.tile[0] {
+                    if row < rows.len() {
+                        let first = (rows.start + row) * tiling.image[1] + columns.start;
+                        let values = &measure.values[first..first + columns.len()];
+                        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+                    }
+                    // Tiles at the edges are padded with zeros.
+                    bytes.resize(4 * tiling.tile[1] * (row + 1), 0);
+                }
+                chunk(&folder.join(measure.name), &tiling.at(index), &bytes)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Write coordinates and metadata.
     fn describe(&self, folder: &Path) -> io::Result<()> {
         let Self { images, grid, .. } = self;
@@ -165,6 +204,17 @@ impl Stack<'_> {
             attributes: image,
         };
         image.write(folder, "image", &mut all)?;
+        for measure in self.measures {
+            let array = Array {
+                kind: "float32",
+                shape: &tiling.image,
+                chunks: &tiling.tile,
+                fill: json!("NaN"),
+                dimensions: &["y", "x"],
+                attributes: json!({ "long_name": measure.long_name, "units": measure.units }),
+            };
+            array.write(folder, measure.name, &mut all)?;
+        }
         let [rows, columns] = match grid.polar {
             false => [
                 json!({ "units": "m", "axis": "Y", "long_name": "y in the grid's plane" }),
@@ -258,116 +308,4 @@ impl Drop for StagedFolder {
         let _ = fs::remove_dir_all(&self.0);
         unfinished::end(&self.0);
     }
-}
-
-/// Metadata of an array.
-struct Array<'a> {
-    kind: &'a str,
-    shape: &'a [usize],
-    chunks: &'a [usize],
-    fill: Value,
-    dimensions: &'a [&'a str],
-    attributes: Value,
-}
-
-impl Array<'_> {
-    /// Write the metadata of the array `name` to its folder, and add them to `all`.
-    fn write(&self, folder: &Path, name: &str, all: &mut Map<String, Value>) -> io::Result<()> {
-        let array = json!({
-            "zarr_format": 3,
-            "node_type": "array",
-            "shape": self.shape,
-            "data_type": self.kind,
-            "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": self.chunks } },
-            "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
-            "fill_value": self.fill,
-            "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }],
-            "dimension_names": self.dimensions,
-            "attributes": self.attributes,
-        });
-        write_json(&folder.join(name).join(DESCRIPTION), &array)?;
-        all.insert(name.to_owned(), array);
-        Ok(())
-    }
-}
-
-/// Maximum number of values in a chunk of a coordinate.
-const COORDINATES: usize = 1 << 16;
-
-/// Write a one-dimensional array of `count` values of eight bytes.
-fn write_line(
-    folder: &Path,
-    name: &str,
-    kind: &str,
-    count: usize,
-    value: impl Fn(usize) -> [u8; 8],
-    attributes: Value,
-    all: &mut Map<String, Value>,
-) -> io::Result<()> {
-    let chunk_values = count.min(COORDINATES);
-    for (n, first) in (0..count).step_by(chunk_values).enumerate() {
-        let values = first..count.min(first + chunk_values);
-        let mut bytes: Vec<u8> = values.flat_map(&value).collect();
-        bytes.resize(8 * chunk_values, 0);
-        chunk(&folder.join(name), &[n], &bytes)?;
-    }
-    let array = Array {
-        kind,
-        shape: &[count],
-        chunks: &[chunk_values],
-        fill: match kind {
-            "int64" => json!(0),
-            _ => json!(0.0),
-        },
-        dimensions: &[match name {
-            "time" => "stack",
-            name => name,
-        }],
-        attributes,
-    };
-    array.write(folder, name, all)
-}
-
-fn write_axis(
-    folder: &Path,
-    name: &str,
-    axis: &Axis,
-    attributes: Value,
-    all: &mut Map<String, Value>,
-) -> io::Result<()> {
-    let value = |i| axis.at(i).to_le_bytes();
-    write_line(folder, name, "float64", axis.count, value, attributes, all)
-}
-
-fn write_integers(
-    folder: &Path,
-    name: &str,
-    values: &[i64],
-    attributes: Value,
-    all: &mut Map<String, Value>,
-) -> io::Result<()> {
-    let value = |i: usize| values[i].to_le_bytes();
-    write_line(folder, name, "int64", values.len(), value, attributes, all)
-}
-
-/// Write the chunk with these indices of an array.
-fn chunk(array: &Path, numbers: &[usize], bytes: &[u8]) -> io::Result<()> {
-    let mut path = array.join("c");
-    path.extend(numbers.iter().map(usize::to_string));
-    write_file(&path, bytes)
-}
-
-fn write_json(path: &Path, value: &Value) -> io::Result<()> {
-    let mut text = serde_json::to_vec_pretty(value)?;
-    text.push(b'\n');
-    write_file(path, &text)
-}
-
-/// Write and sync a file in a folder that is created if missing.
-fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    fs::create_dir_all(folder)?;
-    let mut file = File::create_new(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
 }

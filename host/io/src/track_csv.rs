@@ -2,8 +2,8 @@
 //!
 //! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`,
 //! `time_us`, `x_mm`, `x_cm` and so on, with one unit for x, y and z. For attitude it has all of `roll_deg`,
-//! `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every further line is a fix; additional
-//! columns of [`crate::estimated_track`] are ignored. Times are seconds from the collection's start, positions metres in
+//! `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`, and for velocity all of `vx_m_s`, `vy_m_s`, `vz_m_s`, which only
+//! [`read_states`] uses. Every further line is a fix; additional columns of [`crate::estimated_track`] are ignored. Times are seconds from the collection's start, positions metres in
 //! the scene frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and lines that
 //! begin with `#` are skipped.
 //!
@@ -40,6 +40,7 @@ const PLACES: [([&str; 3], f64); 3] = [
 ];
 const DEGREES: [&str; 3] = ["roll_deg", "pitch_deg", "yaw_deg"];
 const RADIANS: [&str; 3] = ["roll_rad", "pitch_rad", "yaw_rad"];
+const VELOCITY: [&str; 3] = ["vx_m_s", "vy_m_s", "vz_m_s"];
 
 /// Error of reading a track.
 #[derive(Debug, thiserror::Error)]
@@ -118,6 +119,25 @@ pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
     read_from(BufReader::new(file), path)
 }
 
+/// Read the fixes of a track, and their velocities in metres per second if the file has them.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_states(path: &Path) -> Result<(Vec<Fix>, Option<Vec<DVec3>>), TrackCsvError> {
+    let file = File::open(path).map_err(|source| TrackCsvError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let (mut fixes, mut velocities) = (Vec::new(), Vec::new());
+    each_state(BufReader::new(file), path, |fix, velocity| {
+        fixes.push(fix);
+        velocities.extend(velocity);
+        Ok(())
+    })?;
+    let known = !velocities.is_empty();
+    Ok((fixes, known.then_some(velocities)))
+}
+
 /// Read the fixes of a track from a stream; `path` is for errors.
 ///
 /// # Errors
@@ -140,7 +160,19 @@ pub(super) fn each_fix(
     path: &Path,
     mut take: impl FnMut(Fix) -> Result<(), String>,
 ) -> Result<u64, TrackCsvError> {
-    let mut columns = None;
+    each_state(stream, path, |fix, _| take(fix))
+}
+
+/// Call `take` with every fix of a track and its velocity. Returns the number of lines.
+///
+/// # Errors
+/// As [`each_fix`].
+fn each_state(
+    stream: impl BufRead,
+    path: &Path,
+    mut take: impl FnMut(Fix, Option<DVec3>) -> Result<(), String>,
+) -> Result<u64, TrackCsvError> {
+    let mut columns: Option<Columns> = None;
     let lines = each_line(stream, path, LONGEST_LINE, |row| {
         let row = row.trim();
         if row.is_empty() || row.starts_with('#') {
@@ -148,7 +180,10 @@ pub(super) fn each_fix(
         }
         match &columns {
             None => columns = Some(Columns::parse(row)?),
-            Some(columns) => take(columns.fix(row)?)?,
+            Some(columns) => {
+                let (fix, velocity) = columns.state(row)?;
+                take(fix, velocity)?;
+            }
         }
         Ok(())
     })?;
@@ -205,6 +240,8 @@ struct Columns {
     units: [f64; 2],
     /// Columns of roll, pitch and yaw, and their unit in radians.
     angles: Option<([usize; 3], f64)>,
+    /// Columns of the velocity.
+    velocity: Option<[usize; 3]>,
 }
 
 impl Columns {
@@ -213,7 +250,7 @@ impl Columns {
         for (n, name) in names.iter().enumerate() {
             let times = TIMES.iter().map(|(name, _)| *name);
             let places = PLACES.iter().flat_map(|(names, _)| *names);
-            let angles = DEGREES.into_iter().chain(RADIANS);
+            let angles = DEGREES.into_iter().chain(RADIANS).chain(VELOCITY);
             let known: Vec<&str> = times.chain(places).chain(angles).collect();
             if !known.contains(&name.as_str()) && !EXTRA_COLUMNS.contains(&name.as_str()) {
                 return Err(format!(
@@ -261,7 +298,13 @@ impl Columns {
                 ));
             }
         };
+        let velocity = match VELOCITY.map(at) {
+            [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+            [None, None, None] => None,
+            _ => return Err(format!("give all of {}, or none", VELOCITY.join(", "))),
+        };
         Ok(Self {
+            velocity,
             names,
             place,
             units: [time_unit, place_unit],
@@ -269,7 +312,8 @@ impl Columns {
         })
     }
 
-    fn fix(&self, row: &str) -> Result<Fix, String> {
+    /// Fix and velocity of a line.
+    fn state(&self, row: &str) -> Result<(Fix, Option<DVec3>), String> {
         let values: Vec<&str> = row.split(',').map(str::trim).collect();
         if values.len() != self.names.len() {
             return Err(format!(
@@ -294,11 +338,16 @@ impl Columns {
             )),
             None => None,
         };
-        Ok(Fix {
+        let velocity_m_s = match self.velocity {
+            Some([x, y, z]) => Some(DVec3::new(number(x)?, number(y)?, number(z)?)),
+            None => None,
+        };
+        let fix = Fix {
             time_s: number(t)? * self.units[0],
             position_m: DVec3::new(number(x)?, number(y)?, number(z)?) * self.units[1],
             attitude,
-        })
+        };
+        Ok((fix, velocity_m_s))
     }
 }
 
@@ -345,6 +394,22 @@ mod tests {
             let error = fixes(header).unwrap_err().to_string();
             assert!(error.contains(what), "{error}");
         }
+    }
+
+    #[test]
+    fn velocities_are_read_with_states_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("orbit.csv");
+        let text = "time_s,x_m,y_m,z_m,vz_m_s,vx_m_s,vy_m_s\n0,1,2,3,6,4,5\n1,5,7,9,6,4,5\n";
+        std::fs::write(&path, text).unwrap();
+        let (read, velocities) = read_states(&path).unwrap();
+        assert_eq!(read, fixes(text).unwrap());
+        assert_eq!(velocities.unwrap(), [DVec3::new(4.0, 5.0, 6.0); 2]);
+        std::fs::write(&path, "time_s,x_m,y_m,z_m\n0,1,2,3\n").unwrap();
+        assert_eq!(read_states(&path).unwrap().1, None);
+        let error = fixes("time_s,x_m,y_m,z_m,vx_m_s\n").unwrap_err();
+        let message = error.to_string();
+        assert!(message.contains("line 1: give all of vx_m_s"), "{message}");
     }
 
     #[test]

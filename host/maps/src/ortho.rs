@@ -74,6 +74,20 @@ impl<'a> Ortho<'a> {
         Self::of(Reader::projected(pixels, surface, model), raster)
     }
 
+    /// Prepare a map of measures on an image's grid, such as coherence, by the nearest pixel: values without phase or band, which are not interpolated.
+    ///
+    /// # Errors
+    /// [`MapError`] if the grid is vertical or not on the Earth.
+    pub fn nearest(
+        pixels: &'a dyn ImageSource,
+        grid: &ImageGrid,
+        frame: &SceneFrame,
+        raster: Raster,
+    ) -> Result<Self, MapError> {
+        let surface = Surface::of_grid(grid, frame)?;
+        Ok(Self::of(Reader::nearest(pixels, surface), raster))
+    }
+
     fn of(reader: Reader<'a>, raster: Raster) -> Self {
         Self {
             fine: raster.fine(&reader.surface) as usize,

@@ -54,6 +54,11 @@ impl<'a> Reader<'a> {
         Self::of(pixels, surface, Spectrum::Stated(model), band)
     }
 
+    /// Reader of the nearest pixel, without interpolation.
+    pub(crate) fn nearest(pixels: &'a dyn ImageSource, surface: Surface<'a>) -> Self {
+        Self::of(pixels, surface, Spectrum::Unread, [0.0; 2])
+    }
+
     fn of(
         pixels: &'a dyn ImageSource,
         surface: Surface<'a>,
@@ -144,6 +149,11 @@ impl<'a> Reader<'a> {
             let local = [0, 1].map(|i| traced.pixel[i] - window[i].start as f64);
             let turns = match spectrum {
                 Spectrum::Carried(..) => None,
+                Spectrum::Unread => {
+                    let [row, column] = local.map(|x| x.round().max(0.0) as usize);
+                    let at = row * columns.len() + column.min(columns.len() - 1);
+                    return image.get(at).copied().unwrap_or(NO_VALUE);
+                }
                 Spectrum::Stated(model) => Some(model.middle(traced.pixel)),
             };
             let read = match kernel.taps() {
@@ -171,6 +181,8 @@ impl<'a> Reader<'a> {
 enum Spectrum<'a> {
     /// About a carrier, for an image on this grid.
     Carried(Carrier, &'a ImageGrid),
+    /// Unused: values are those of the nearest pixel.
+    Unread,
     /// Stated by the image's metadata.
     Stated(&'a dyn ProjectionModel),
 }

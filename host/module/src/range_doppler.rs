@@ -248,6 +248,7 @@ mod tests {
                     start_hz,
                     step_hz,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 };
                 pulse.reference_path_m = pulse.path_m(DVec3::ZERO);
                 pulse

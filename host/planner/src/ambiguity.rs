@@ -42,7 +42,7 @@ pub struct Sampled {
 }
 
 impl Sampled {
-    /// Pulse sampled at `rate_hz`, at the centre of each sampling interval.
+    /// Pulse sampled at `rate_hz`, at the centre of each sampling interval; a recorded pulse at its own rate.
     pub fn pulse(shape: &PulseShape, rate_hz: f64) -> Self {
         let samples = match shape {
             PulseShape::Lfm {
@@ -63,6 +63,14 @@ impl Sampled {
                     .iter()
                     .flat_map(|&phase| std::iter::repeat_n(Complex64::cis(phase), chip))
                     .collect()
+            }
+            PulseShape::Recorded {
+                samples, rate_hz, ..
+            } => {
+                return Self {
+                    samples: samples.clone(),
+                    rate_hz: *rate_hz,
+                };
             }
         };
         Self { samples, rate_hz }

@@ -11,10 +11,13 @@
 //! - [`cost`]: memory and operations of the image formers;
 //! - [`forecast`]: processing time on this machine;
 //! - [`radar_equation`]: the radar equation;
+//! - [`chain`]: levels, noise and compression along the signal chain;
+//! - [`stepped`]: speed limits of sweeps of stepped carriers;
 //! - [`ambiguity`]: ambiguity function of pulses and bursts.
 #![forbid(unsafe_code)]
 
 pub mod ambiguity;
+pub mod chain;
 pub mod cost;
 pub mod forecast;
 pub mod grating;
@@ -22,6 +25,7 @@ pub mod parameters;
 mod radar;
 pub mod radar_equation;
 pub mod sampling;
+pub mod stepped;
 
 pub use parameters::{ParameterError, Parameters};
 pub use radar::{Aperture, PlanError, RadarPlan, Request, SubCpis};

@@ -99,6 +99,7 @@ impl Parameters {
                 start_hz,
                 step_hz,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         });
         let half = self.scene_m.map(|side_m| side_m / 2.0);

@@ -4,19 +4,24 @@
 //! survey ([`Survey`]), sub-CPIs those of the range-Doppler former's plan ([`rdbp::Plan`]); the other modules
 //! of this crate compute the rest.
 
+use std::f64::consts::PI;
+
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
+use super::chain::{Chain, ChainLevels};
 use super::cost::{FormerCost, ThesisMemory, Work};
 use super::grating::{self, Lobe};
 use super::radar_equation::{Illumination, Sensitivity};
 use super::sampling::{self, Need};
+use super::stepped::{SteppedSweep, SweepPlan};
 use subaperture_focus::formers::FORMERS;
 use subaperture_focus::rdbp::{self, Mode, RangeDopplerBackprojection, Thesis};
 use subaperture_focus::{FormError, ImageFormer, ImageSpec};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Weights};
+use subaperture_model::quantity::seconds;
 use subaperture_model::radar::LinkBudget;
 use subaperture_model::resolution::survey::Survey;
 use subaperture_signal::window::Window;
@@ -37,8 +42,10 @@ pub struct Request<'a> {
     pub thesis_sub_cpi: usize,
     /// Full beamwidth of the antenna, radians; `None` if unknown.
     pub beamwidth_rad: Option<f64>,
-    /// Link budget, and pulse duration in seconds; `None` if unknown.
+    /// Link budget, and pulse duration in seconds; `None` if unknown, or to be taken from the chain.
     pub power: Option<(LinkBudget, f64)>,
+    /// Signal chain; `None` if unknown.
+    pub chain: Option<&'a Chain>,
 }
 
 /// Plan of a collection.
@@ -58,6 +65,10 @@ pub struct RadarPlan {
     pub thesis_memory: ThesisMemory,
     /// Signal-to-noise ratios; `None` if the power is unknown.
     pub sensitivity: Option<Sensitivity>,
+    /// Levels along the signal chain; `None` without a chain.
+    pub chain: Option<ChainLevels>,
+    /// Speed limits of the sweep; `None` if the samples of a pulse are simultaneous.
+    pub sweep: Option<SweepPlan>,
 }
 
 /// Resolution and sampling of the aperture.
@@ -109,6 +120,20 @@ pub enum PlanError {
     /// The collection has no pulses.
     #[error("expected at least one pulse, found none in the collection")]
     Empty,
+    /// A sweep takes longer than the time from pulse to pulse.
+    #[error(
+        "sweep of {carriers} carriers: expected at most the time of {} from pulse to pulse, found {}; lower the PRF, shorten carrier_time of the chain, or use fewer carriers",
+        seconds(*interval_s),
+        seconds(*sweep_s)
+    )]
+    Sweep {
+        /// Carriers of a sweep.
+        carriers: usize,
+        /// Duration of a sweep, seconds.
+        sweep_s: f64,
+        /// Time from pulse to pulse, seconds.
+        interval_s: f64,
+    },
     /// Range-Doppler backprojection cannot form the image.
     #[error(transparent)]
     Form(#[from] FormError),
@@ -118,9 +143,11 @@ impl RadarPlan {
     /// Plan `request` for `collection`.
     ///
     /// # Errors
-    /// [`PlanError`] if there are no pulses, or range-Doppler backprojection cannot form the image.
+    /// [`PlanError`] if there are no pulses, a sweep of the chain takes longer than the time from pulse to pulse, or range-Doppler
+    /// backprojection cannot form the image.
     pub fn new(collection: &Collection, request: &Request) -> Result<Self, PlanError> {
         let survey = Survey::of(collection).ok_or(PlanError::Empty)?;
+        let sweep = sweep(collection, &survey, request)?;
         let grid = request.grid;
         let plan = rdbp::Plan::new(
             collection,
@@ -158,8 +185,10 @@ impl RadarPlan {
                 MAX_LOBES,
             ),
         };
+        let from_chain = request.chain.map(|chain| (chain.link(), chain.pulse_s));
         let sensitivity = request
             .power
+            .or(from_chain)
             .map(|(link, pulse_s)| sensitivity(collection, &survey, &link, pulse_s, centre));
         Ok(Self {
             thesis_memory: ThesisMemory::new(
@@ -172,9 +201,74 @@ impl RadarPlan {
             sub_cpis,
             work,
             sensitivity,
+            chain: request
+                .chain
+                .map(|chain| chain_levels(chain, collection, &survey, grid)),
+            sweep,
             survey,
         })
     }
+}
+
+/// Timing of the sweeps by the chain or the recording, with its speed limits.
+fn sweep(
+    collection: &Collection,
+    survey: &Survey,
+    request: &Request,
+) -> Result<Option<SweepPlan>, PlanError> {
+    let interval_s = survey.pri_s;
+    let carrier_s = request.chain.and_then(|chain| chain.carrier_s);
+    let sweep = match carrier_s {
+        Some(carrier_s) => SteppedSweep::new(collection, carrier_s, interval_s),
+        None => SteppedSweep::of(collection, interval_s),
+    };
+    let Some(sweep) = sweep else {
+        return Ok(None);
+    };
+    // Rounding of pulse times, and of an interval that was computed from the duration.
+    if carrier_s.is_some() && sweep.interval_s < sweep.sweep_s * (1.0 - 1e-6) {
+        return Err(PlanError::Sweep {
+            carriers: sweep.carriers,
+            sweep_s: sweep.sweep_s,
+            interval_s: sweep.interval_s,
+        });
+    }
+    let platform_m_s = survey
+        .pulse_spacing_m
+        .zip(interval_s)
+        .map(|(spacing_m, interval_s)| spacing_m / interval_s);
+    let angle_rad = request.beamwidth_rad.unwrap_or(PI);
+    Ok(Some(SweepPlan::new(sweep, angle_rad, platform_m_s)))
+}
+
+/// Levels of targets at the nearest corner, the centre and the farthest corner of the grid, seen from the middle pulse.
+fn chain_levels(
+    chain: &Chain,
+    collection: &Collection,
+    survey: &Survey,
+    grid: &ImageGrid,
+) -> ChainLevels {
+    let middle = &collection.pulses[collection.pulses.len() / 2];
+    let ranges_m = |row, column| {
+        let at = grid.position_m(row, column);
+        [middle.transmitter_m, middle.receiver_m].map(|antenna_m| antenna_m.distance(at))
+    };
+    let (rows, columns) = (grid.rows.count, grid.columns.count);
+    let corners = [0, rows - 1].map(|row| [0, columns - 1].map(|column| ranges_m(row, column)));
+    // Spreading loss increases with the product of the ranges.
+    let product = |ranges_m: &[f64; 2]| ranges_m[0] * ranges_m[1];
+    let (mut nearest, mut farthest) = (corners[0][0], corners[0][0]);
+    for ranges_m in corners.as_flattened() {
+        if product(ranges_m) < product(&nearest) {
+            nearest = *ranges_m;
+        }
+        if product(ranges_m) > product(&farthest) {
+            farthest = *ranges_m;
+        }
+    }
+    let centre = ranges_m(rows / 2, columns / 2);
+    let ranges_m = [nearest, centre, farthest];
+    chain.levels(survey.wavelength_m, ranges_m, survey.num_pulses)
 }
 
 impl Aperture {

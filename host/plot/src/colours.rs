@@ -9,6 +9,8 @@ pub enum Colours {
     /// Perceptually uniform, dark blue over green to yellow (matplotlib's viridis, CC0). For differences,
     /// to distinguish them from images.
     Viridis,
+    /// Hue circle: red, yellow, green, cyan, blue, magenta, red. For phases, whose lowest and highest level are the same.
+    Hue,
 }
 
 /// Invalid pixels in grey images.
@@ -33,12 +35,25 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
+/// Hue circle in steps of a sixth.
+const HUE: [[u8; 3]; 7] = [
+    [255, 0, 0],
+    [255, 255, 0],
+    [0, 255, 0],
+    [0, 255, 255],
+    [0, 0, 255],
+    [255, 0, 255],
+    [255, 0, 0],
+];
+
 impl Colours {
     /// Colour of levels above the scale.
     pub(super) fn above(self) -> [u8; 3] {
         match self {
             Self::Grey => AMBER,
             Self::Viridis => CORAL,
+            // Phases are never above the scale.
+            Self::Hue => HUE[6],
         }
     }
 
@@ -53,6 +68,7 @@ impl Colours {
         match self {
             Self::Grey => &[[0; 3], [255; 3]],
             Self::Viridis => &VIRIDIS,
+            Self::Hue => &HUE,
         }
     }
 

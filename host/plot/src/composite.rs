@@ -1,4 +1,4 @@
-//! Colour composites from several images of one grid.
+//! Colour composites from several images of one grid, and masks over one.
 
 use super::Source;
 use super::layout::Drawn;
@@ -17,6 +17,17 @@ pub enum ColourSource<'a> {
     /// Two or three images as colour channels, each with its own scale: red, green and blue. The first of two is red and blue (magenta), so that equal
     /// images give white or grey.
     Channels(Vec<Channel<'a>>),
+    /// The panel's own image in grey, with the pixels of a mask in one colour.
+    Mask(Mask<'a>),
+}
+
+/// Mask over an image, such as detected changes. A cell of the picture with any masked pixel has the colour of the mask.
+#[derive(Clone, Debug)]
+pub struct Mask<'a> {
+    /// Mask on the panel's grid: 0 for pixels that are not masked, NaN for unknown ones.
+    pub mask: Source<'a>,
+    /// Names in the key of masked pixels (orange), of others (grey) and of unknown ones (blue).
+    pub names: [String; 3],
 }
 
 /// Image of a colour channel.
@@ -36,6 +47,14 @@ const GREEN: [f64; 3] = [0.0, 1.0, 0.0];
 const BLUE: [f64; 3] = [0.0, 0.0, 1.0];
 const MAGENTA: [f64; 3] = [1.0, 0.0, 1.0];
 
+/// Colours of masked, other and unknown pixels at full brightness. Orange differs from grey, and from the red of absent values.
+const MASKED: [f64; 3] = [1.0, 0.55, 0.0];
+const OTHER: [f64; 3] = [1.0, 1.0, 1.0];
+const UNKNOWN: [f64; 3] = [0.35, 0.5, 1.0];
+
+/// Brightness of unknown pixels of no power, so that their colour shows.
+const DIMMEST: f64 = 0.4;
+
 impl<'a> ColourSource<'a> {
     /// Images of the composite.
     pub(super) fn images(&self) -> Box<dyn Iterator<Item = &Source<'a>> + '_> {
@@ -43,6 +62,7 @@ impl<'a> ColourSource<'a> {
             Self::Levels => Box::new(std::iter::empty()),
             Self::Hues(parts) => Box::new(parts.iter()),
             Self::Channels(channels) => Box::new(channels.iter().map(|channel| &channel.image)),
+            Self::Mask(mask) => Box::new(std::iter::once(&mask.mask)),
         }
     }
 
@@ -84,6 +104,11 @@ impl<'a> ColourSource<'a> {
                 let colours = colours_of(channels.len());
                 let names = channels.iter().map(|channel| channel.name.clone());
                 names.zip(colours.iter().map(|&c| bright(c))).collect()
+            }
+            Self::Mask(mask) => {
+                let grey = OTHER.map(|part| 0.6 * part);
+                let colours = [MASKED, grey, UNKNOWN].map(bright);
+                mask.names.iter().cloned().zip(colours).collect()
             }
         }
     }
@@ -169,6 +194,31 @@ pub(super) fn channels(
     Ok(Drawn::Painted(cells.collect(), None))
 }
 
+/// Image in grey with the cells of a mask in one colour of full brightness, and unknown cells tinted.
+pub(super) fn masked(
+    image: &Source,
+    mask: &Mask,
+    scale: Scale,
+    powers: impl Fn(&Source) -> Result<Vec<f64>, ImageSourceError>,
+) -> Result<Drawn, ImageSourceError> {
+    let shown = powers(image)?;
+    let levels = scale.levels(&shown);
+    let paint = |(power, mask): (&f64, f64)| {
+        let brightness = levels.part_of(*power)?;
+        let colour = match mask {
+            mask if mask.is_nan() => {
+                let visible = DIMMEST + (1.0 - DIMMEST) * brightness;
+                UNKNOWN.map(|part| visible * part)
+            }
+            0.0 => OTHER.map(|part| brightness * part),
+            _ => MASKED,
+        };
+        Some(colour.map(byte))
+    };
+    let cells = shown.iter().zip(powers(&mask.mask)?).map(paint);
+    Ok(Drawn::Painted(cells.collect(), Some(levels)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -237,6 +287,38 @@ mod tests {
         assert_eq!([0, 1, 2].map(|k| hue(k, 3)), [RED, GREEN, BLUE]);
         assert_eq!(hue(1, 6), [1.0, 1.0, 0.0]);
         assert_eq!(hue(3, 4), [0.5, 0.0, 1.0]);
+    }
+
+    /// Masked pixels are orange whatever their level, others grey, unknown ones blue; absent pixels stay absent.
+    #[test]
+    fn mask_colours_masked_pixels_over_grey() {
+        let shown = image(&[1.0, 0.1, 0.0, 0.1, 1.0, 0.0, f32::NAN]);
+        let over = image(&[1.0, 0.0, 1.0, 1.0, f32::NAN, f32::NAN, 1.0]);
+        let mask = Mask {
+            mask: Source::from(&over),
+            names: ["changed", "unchanged", "not tested"].map(str::to_owned),
+        };
+        let cells = painted(masked(&Source::from(&shown), &mask, SCALE, powers).unwrap());
+        let orange = Some([255, 140, 0]);
+        let blue = [[89, 128, 255], [36, 51, 102]].map(Some);
+        assert_eq!(
+            cells,
+            [
+                orange,
+                Some([128; 3]),
+                orange,
+                orange,
+                blue[0],
+                blue[1],
+                None
+            ]
+        );
+        let key = ColourSource::Mask(mask).key();
+        let names = key.iter().map(|(name, _)| name.as_str());
+        assert_eq!(
+            names.collect::<Vec<_>>(),
+            ["changed", "unchanged", "not tested"]
+        );
     }
 
     /// Three images are red, green and blue, two are magenta and green, each with its own levels.

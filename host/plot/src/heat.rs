@@ -81,7 +81,7 @@ pub fn heat(heat: &HeatMap) -> Result<Vec<u8>, PlotError> {
         colours: heat.colours,
         absent: match heat.colours {
             Colours::Grey => RED,
-            Colours::Viridis => PALE,
+            Colours::Viridis | Colours::Hue => PALE,
         },
         typical: levels,
         key: Vec::new(),

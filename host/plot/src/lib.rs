@@ -12,7 +12,7 @@
 //! but never drops it; small images are enlarged without interpolation. NaN and infinite pixels
 //! are red.
 //!
-//! [`ColourSource`] selects colour composites of several images of one grid: sub-apertures or polarisations.
+//! [`ColourSource`] selects colour composites of several images of one grid, sub-apertures or polarisations, and masks over one image.
 //!
 //! [`heat`] draws real values over two axes on a linear scale, [`lines`] draws curves, [`stacked`] several charts.
 //!
@@ -42,7 +42,7 @@ use subaperture_model::image::ImageSourceError;
 
 pub use cells::PictureCells;
 pub use colours::Colours;
-pub use composite::{Channel, ColourSource, MAX_HUES};
+pub use composite::{Channel, ColourSource, MAX_HUES, Mask};
 pub use heat::{HeatMap, heat};
 pub use lines::{Chart, Curve, Stroke, lines, stacked};
 pub use orientation::Orientation;
@@ -271,6 +271,7 @@ impl<'a> Panel<'a> {
             }
             ColourSource::Hues(parts) => composite::hues(&self.image, parts, self.scale, powers),
             ColourSource::Channels(channels) => composite::channels(channels, self.scale, powers),
+            ColourSource::Mask(mask) => composite::masked(&self.image, mask, self.scale, powers),
         }
     }
 }

@@ -35,6 +35,8 @@
 //!   counted and flagged; the capture goes on unless the device is gone.
 //! - Memory: the queues' buffers, each of one step. Memory does not grow with the length of a capture.
 //!
+//! A vector network analyser is no such radio: [`vna`] captures its sweeps into Touchstone files.
+//!
 //! Each backend implements [`Transceiver`]: [`simulated`], [`replay`] and, with the feature `uhd`, a USRP by Ettus
 //! Research's driver UHD. UHD is licensed under GPL-3.0-or-later or a commercial licence: programs linked with it are
 //! distributed under these terms. Without the feature, UHD is not needed.
@@ -58,6 +60,7 @@ pub mod tone;
 mod transceiver;
 #[cfg(feature = "uhd")]
 pub mod uhd;
+pub mod vna;
 
 pub use antennas::{Antennas, Reference};
 #[cfg(not(feature = "uhd"))]

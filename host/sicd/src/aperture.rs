@@ -3,8 +3,11 @@
 use glam::DVec3;
 
 use subaperture_io::product::Antennas;
+use subaperture_io::xml::Writer;
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 
+use crate::contour::{Antenna, Sensor};
+use crate::pair::{Fitted, Pair};
 use crate::polynomial::Path;
 use crate::{Georeference, SicdError};
 
@@ -13,19 +16,24 @@ const MAX_APART: f64 = 1e-3;
 /// Deviation of the trajectory from its polynomial above which it is reported, metres.
 const REPORTED_M: f64 = 0.01;
 
-/// Antenna reference point (ARP) over the time from the first pulse, ECF.
+/// Aperture reference point (ARP) over the time from the first pulse, ECF.
 #[derive(Clone, Debug)]
 pub(crate) struct Aperture {
     pub(crate) path: Path,
+    /// Both antennas of a bistatic image.
+    pub(crate) pair: Option<Pair>,
     /// Time of the first pulse, nanoseconds since 1970 (UTC).
     pub(crate) start_ns: i64,
-    /// Time from the first to the last pulse, seconds.
+    /// Time from the first pulse to the last, or to its reception in a bistatic image, seconds.
     pub(crate) duration_s: f64,
+    /// Time of the centre of aperture, seconds after the first pulse. That of a bistatic image is the time at the scene.
+    pub(crate) coa_s: f64,
     /// Assumptions made, one sentence each.
     pub(crate) assumed: Vec<String>,
 }
 
 impl Aperture {
+    /// Trajectory of an image about `centre_m`, the scene centre point of a bistatic one (scene frame).
     pub(crate) fn new(
         antennas: &Antennas,
         frame: &SceneFrame,
@@ -36,12 +44,14 @@ impl Aperture {
         let pairs = antennas.transmitters_m.iter().zip(&antennas.receivers_m);
         let apart =
             |(tx, rx): (&DVec3, &DVec3)| tx.distance(*rx) > MAX_APART * tx.distance(centre_m);
-        if pairs.clone().any(apart) {
+        let bistatic = pairs.clone().any(apart);
+        if bistatic && !antennas.timed {
             return Err(unsuited(
-                "transmitter and receiver are more than a milliradian apart seen from the scene; SICD 1.3 describes monostatic images",
+                "the recording of a bistatic radar contains no pulse times; SICD needs them, as transmitter and receiver have no common speed",
             ));
         }
         let places: Vec<DVec3> = pairs
+            .clone()
             .map(|(&tx, &rx)| frame.to_ecf_m(tx.midpoint(rx)))
             .collect();
         let mut assumed = Vec::new();
@@ -67,15 +77,40 @@ impl Aperture {
                 "expected a moving radar, found one pulse time or antenna position; SICD cannot describe it",
             ));
         }
-        let path = Path::through(&times_s, &places)
-            .ok_or_else(|| unsuited("no polynomial fits the radar's trajectory"))?;
-        if path.off_m > REPORTED_M {
-            assumed.push(format!(
-                "the trajectory deviates from its polynomial by up to {:.3} m",
-                path.off_m
-            ));
+        let (path, pair, coa_s, duration_s) = if bistatic {
+            let places: Vec<[DVec3; 2]> = pairs
+                .map(|(&tx, &rx)| [tx, rx].map(|place| frame.to_ecf_m(place)))
+                .collect();
+            let fitted = Fitted::new(&times_s, &places, frame.to_ecf_m(centre_m));
+            let fitted = fitted.map_err(unsuited)?;
+            (
+                fitted.path,
+                Some(fitted.pair),
+                fitted.coa_s,
+                fitted.duration_s,
+            )
+        } else {
+            let path = Path::through(&times_s, &places)
+                .ok_or_else(|| unsuited("no polynomial fits the radar's trajectory"))?;
+            (path, None, 0.5 * duration_s, duration_s)
+        };
+        let mut report = |whose: &str, path: &Path| {
+            if path.off_m > REPORTED_M {
+                assumed.push(format!(
+                    "the trajectory {whose}deviates from its polynomial by up to {:.3} m",
+                    path.off_m
+                ));
+            }
+        };
+        match &pair {
+            None => report("", &path),
+            Some(pair) => {
+                report("of the aperture reference point ", &path);
+                report("of the transmitter ", &pair.transmitter);
+                report("of the receiver ", &pair.receiver);
+            }
         }
-        if path.at(0.5 * duration_s, 1).length() == 0.0 {
+        if path.at(coa_s, 1).length() == 0.0 {
             return Err(unsuited(
                 "the radar does not move at the centre of aperture",
             ));
@@ -91,15 +126,12 @@ impl Aperture {
         };
         Ok(Self {
             path,
+            pair,
             start_ns: start_ns.saturating_add(before_ns),
             duration_s,
+            coa_s,
             assumed,
         })
-    }
-
-    /// Time of the centre of aperture, seconds after the first pulse.
-    pub(crate) fn coa_s(&self) -> f64 {
-        0.5 * self.duration_s
     }
 }
 
@@ -126,7 +158,8 @@ impl Scpcoa {
         let [place, velocity, acceleration] = [0, 1, 2].map(|k| path.at(time_s, k));
         let slant_range_m = place.distance(scp);
         let los = (scp - place) / slant_range_m;
-        let heading = velocity.normalize();
+        // A fixed antenna has no heading: its Doppler cone angle is 90 degrees.
+        let heading = velocity.normalize_or_zero();
         let left = place.cross(heading).dot(los) > 0.0;
         let [east, north, up] = Geodetic::from_ecf_m(scp).east_north_up();
         let height_m = (place - scp).dot(up);
@@ -162,5 +195,27 @@ impl Scpcoa {
             azimuth: bearing(x),
             layover: bearing(lies),
         }
+    }
+    /// Antenna of a monostatic image at the aperture reference point.
+    pub(crate) fn sensor(&self) -> Sensor {
+        Sensor {
+            transmitter: Antenna {
+                place: self.place,
+                velocity: self.velocity,
+            },
+            receiver: None,
+        }
+    }
+
+    /// Write `SideOfTrack`, ranges and angles that images and platforms have in common.
+    pub(crate) fn write_sides(&self, w: &mut Writer) {
+        w.text("SideOfTrack", if self.left { "L" } else { "R" });
+        w.numbers(&[
+            ("SlantRange", self.slant_range_m),
+            ("GroundRange", self.ground_range_m),
+            ("DopplerConeAng", self.doppler_cone),
+            ("GrazeAng", self.graze),
+            ("IncidenceAng", 90.0 - self.graze),
+        ]);
     }
 }

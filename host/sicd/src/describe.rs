@@ -8,23 +8,27 @@ use subaperture_model::geometry::Geodetic;
 use subaperture_signal::window::Window;
 
 use crate::aperture::{Aperture, Scpcoa};
+use crate::bistatic::Bistatic;
+use crate::contour::Sensor;
 use crate::dates::iso;
 use crate::formed::Formed;
 use crate::grid::Placed;
-use crate::polynomial::Surface;
+use crate::polynomial::{Path, Surface};
 use crate::spectrum::Spectrum;
+use crate::version::SicdVersion;
 
-/// XML namespace of SICD 1.3.
-pub(crate) const NAMESPACE: &str = "urn:SICD:1.3.0";
 /// Samples of the weighting function (`WgtFunct`).
 const WEIGHTS: usize = 512;
 
 /// Content of the XML.
 pub(crate) struct Description<'a> {
+    pub(crate) version: SicdVersion,
     pub(crate) formed: &'a Formed,
     pub(crate) placed: &'a Placed,
     pub(crate) aperture: &'a Aperture,
     pub(crate) seen: &'a Scpcoa,
+    pub(crate) sensor: &'a Sensor,
+    pub(crate) bistatic: Option<&'a Bistatic>,
     pub(crate) spectra: &'a [Spectrum; 2],
     /// Image corners on the ground: first row and column, then clockwise.
     pub(crate) corners: &'a [Geodetic; 4],
@@ -34,7 +38,8 @@ pub(crate) struct Description<'a> {
 impl Description<'_> {
     pub(crate) fn document(&self) -> String {
         let mut w = Writer::new();
-        w.element("SICD", &format!("xmlns=\"{NAMESPACE}\""), |w| {
+        let namespace = self.version.namespace();
+        w.element("SICD", &format!("xmlns=\"{namespace}\""), |w| {
             self.collection(w);
             self.image(w);
             self.geography(w);
@@ -50,8 +55,15 @@ impl Description<'_> {
     fn collection(&self, w: &mut Writer) {
         w.element("CollectionInfo", "", |w| {
             w.text("CollectorName", "Subaperture");
+            let collect_type = match self.bistatic {
+                None => "MONOSTATIC",
+                Some(_) => {
+                    w.text("IlluminatorName", UNKNOWN);
+                    "BISTATIC"
+                }
+            };
             w.text("CoreName", &self.formed.name);
-            w.text("CollectType", "MONOSTATIC");
+            w.text("CollectType", collect_type);
             w.element("RadarMode", "", |w| w.text("ModeType", "SPOTLIGHT"));
             w.text("Classification", "UNCLASSIFIED");
             for sentence in &self.aperture.assumed {
@@ -103,7 +115,7 @@ impl Description<'_> {
                 });
             });
             corners(w, self.corners, PLAIN);
-            valid_data(w, self.placed, self.seen, PLAIN);
+            valid_data(w, self.placed, self.sensor, PLAIN);
         });
     }
 
@@ -113,7 +125,7 @@ impl Description<'_> {
             w.text("Type", "PLANE");
             w.element("TimeCOAPoly", "order1=\"0\" order2=\"0\"", |w| {
                 let at = "exponent1=\"0\" exponent2=\"0\"";
-                w.text_with("Coef", at, format_args!("{:?}", self.aperture.coa_s()));
+                w.text_with("Coef", at, format_args!("{:?}", self.aperture.coa_s));
             });
             for (name, spectrum) in ["Row", "Col"].into_iter().zip(self.spectra) {
                 w.element(name, "", |w| self.direction(w, spectrum));
@@ -162,22 +174,15 @@ impl Description<'_> {
             w.text("CollectStart", iso(self.aperture.start_ns));
             w.number("CollectDuration", self.aperture.duration_s);
         });
-        let path = &self.aperture.path.coefficients;
         w.element("Position", "", |w| {
-            w.element("ARPPoly", "", |w| {
-                let part = |w: &mut Writer, name: &str, of: fn(&DVec3) -> f64| {
-                    let order = format!("order1=\"{}\"", path.len() - 1);
-                    w.element(name, &order, |w| {
-                        for (k, c) in path.iter().enumerate() {
-                            let at = format!("exponent1=\"{k}\"");
-                            w.text_with("Coef", &at, format_args!("{:?}", of(c)));
-                        }
-                    });
-                };
-                part(w, "X", |c| c.x);
-                part(w, "Y", |c| c.y);
-                part(w, "Z", |c| c.z);
-            });
+            positions(w, "ARPPoly", "", &self.aperture.path);
+            if let Some(pair) = &self.aperture.pair {
+                positions(w, "GRPPoly", "", &pair.reference);
+                positions(w, "TxAPCPoly", "", &pair.transmitter);
+                w.element("RcvAPC", "size=\"1\"", |w| {
+                    positions(w, "RcvAPCPoly", &index(0), &pair.receiver);
+                });
+            }
         });
     }
 
@@ -206,7 +211,10 @@ impl Description<'_> {
             w.text("TxPolarization", tx);
             w.element("RcvChannels", "size=\"1\"", |w| {
                 w.element("ChanParameters", "index=\"1\"", |w| {
-                    w.text("TxRcvPolarization", both)
+                    w.text("TxRcvPolarization", both);
+                    if self.bistatic.is_some() {
+                        w.text("RcvAPCIndex", 1);
+                    }
                 });
             });
         });
@@ -242,22 +250,20 @@ impl Description<'_> {
     fn scpcoa(&self, w: &mut Writer) {
         let seen = self.seen;
         w.element("SCPCOA", "", |w| {
-            w.number("SCPTime", self.aperture.coa_s());
+            w.number("SCPTime", self.aperture.coa_s);
             w.xyz("ARPPos", seen.place);
             w.xyz("ARPVel", seen.velocity);
             w.xyz("ARPAcc", seen.acceleration);
-            w.text("SideOfTrack", if seen.left { "L" } else { "R" });
+            seen.write_sides(w);
             w.numbers(&[
-                ("SlantRange", seen.slant_range_m),
-                ("GroundRange", seen.ground_range_m),
-                ("DopplerConeAng", seen.doppler_cone),
-                ("GrazeAng", seen.graze),
-                ("IncidenceAng", 90.0 - seen.graze),
                 ("TwistAng", seen.twist),
                 ("SlopeAng", seen.slope),
                 ("AzimAng", seen.azimuth),
                 ("LayoverAng", seen.layover),
             ]);
+            if let Some(bistatic) = self.bistatic {
+                bistatic.write(w);
+            }
         });
     }
 }
@@ -265,7 +271,7 @@ impl Description<'_> {
 /// Element names of latitude and longitude.
 const PLAIN: [&str; 2] = ["Lat", "Lon"];
 
-/// Value of an unknown polarisation.
+/// Value of an unknown polarisation or name.
 const UNKNOWN: &str = "UNKNOWN";
 
 /// Transmit and receive polarisation; both `UNKNOWN` unless both are known.
@@ -294,11 +300,11 @@ pub(crate) fn corners(w: &mut Writer, corners: &[Geodetic; 4], names: [&str; 2])
 }
 
 /// Write `ValidData`: the image outline on the ground.
-pub(crate) fn valid_data(w: &mut Writer, placed: &Placed, seen: &Scpcoa, names: [&str; 2]) {
+pub(crate) fn valid_data(w: &mut Writer, placed: &Placed, sensor: &Sensor, names: [&str; 2]) {
     let vertices = placed.vertices();
     w.element("ValidData", &format!("size=\"{}\"", vertices.len()), |w| {
         for (n, at) in vertices.into_iter().enumerate() {
-            let place = placed.on_ground(at, seen);
+            let place = placed.on_ground(at, sensor);
             w.element("Vertex", &index(n), |w| {
                 latitude_longitude(w, &place, names)
             });
@@ -326,5 +332,24 @@ fn surface(w: &mut Writer, name: &str, surface: &Surface) {
                 w.text_with("Coef", &at, format_args!("{c:?}"));
             }
         }
+    });
+}
+
+/// Write a polynomial of positions over time.
+fn positions(w: &mut Writer, name: &str, attributes: &str, path: &Path) {
+    let path = &path.coefficients;
+    w.element(name, attributes, |w| {
+        let part = |w: &mut Writer, name: &str, of: fn(&DVec3) -> f64| {
+            let order = format!("order1=\"{}\"", path.len() - 1);
+            w.element(name, &order, |w| {
+                for (k, c) in path.iter().enumerate() {
+                    let at = format!("exponent1=\"{k}\"");
+                    w.text_with("Coef", &at, format_args!("{:?}", of(c)));
+                }
+            });
+        };
+        part(w, "X", |c| c.x);
+        part(w, "Y", |c| c.y);
+        part(w, "Z", |c| c.z);
     });
 }

@@ -6,6 +6,7 @@ use subaperture_model::geometry::{Geodetic, SceneFrame};
 
 use crate::SicdError;
 use crate::aperture::Scpcoa;
+use crate::contour::Sensor;
 use crate::formed::Formed;
 use crate::orientation::Orientation;
 use crate::spectrum::Layout;
@@ -112,8 +113,14 @@ impl Placed {
     }
 
     /// Intersection of a pixel's range and Doppler contour with the plane tangent to the Earth at the SCP, by Newton's method.
-    pub(crate) fn on_ground(&self, pixel: [usize; 2], seen: &Scpcoa) -> Geodetic {
+    pub(crate) fn on_ground(&self, pixel: [usize; 2], sensor: &Sensor) -> Geodetic {
         let place = self.ecf_m(pixel);
+        let seen = match sensor.receiver {
+            None => sensor.transmitter,
+            Some(_) => {
+                return Geodetic::from_ecf_m(sensor.on_tangent_plane(place, self.scp_ecf_m));
+            }
+        };
         let [east, north, up] = Geodetic::from_ecf_m(self.scp_ecf_m).east_north_up();
         let heading = seen.velocity.normalize();
         let range_m = place.distance(seen.place);

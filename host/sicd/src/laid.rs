@@ -4,6 +4,8 @@ use subaperture_model::geometry::{Geodetic, SceneFrame};
 
 use crate::SicdError;
 use crate::aperture::{Aperture, Scpcoa};
+use crate::bistatic::Bistatic;
+use crate::contour::Sensor;
 use crate::formed::{Formed, Georeference};
 use crate::grid::Placed;
 use crate::nitf::{About, Product, Segment, segments};
@@ -15,6 +17,9 @@ pub(crate) struct Laid {
     pub(crate) placed: Placed,
     pub(crate) aperture: Aperture,
     pub(crate) seen: Scpcoa,
+    /// Antennas at the centre of aperture.
+    pub(crate) sensor: Sensor,
+    pub(crate) bistatic: Option<Bistatic>,
     pub(crate) spectra: [Spectrum; 2],
     /// Image corners on the ground: first row and column, then clockwise.
     pub(crate) corners: [Geodetic; 4],
@@ -29,19 +34,30 @@ impl Laid {
             (frame, None) => frame,
         };
         let centre_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
-        let aperture = Aperture::new(&formed.antennas, &frame, centre_m, placing)?;
-        let radar_m = frame.from_ecf_m(aperture.path.at(aperture.coa_s(), 0));
+        let mut aperture = Aperture::new(&formed.antennas, &frame, centre_m, placing)?;
+        let radar_m = frame.from_ecf_m(aperture.path.at(aperture.coa_s, 0));
         let placed = Placed::new(formed, frame, radar_m)?;
-        let seen = Scpcoa::new(&aperture.path, aperture.coa_s(), placed.scp_ecf_m);
+        if aperture.pair.is_some() {
+            // The aperture reference point of a bistatic image depends on the scene centre point.
+            let scp_m = placed.layout.centre_m;
+            aperture = Aperture::new(&formed.antennas, &frame, scp_m, placing)?;
+        }
+        let (coa_s, scp) = (aperture.coa_s, placed.scp_ecf_m);
+        let seen = Scpcoa::new(&aperture.path, coa_s, scp);
+        let pair = aperture.pair.as_ref();
+        let sensor = pair.map_or_else(|| seen.sensor(), |pair| pair.at(coa_s));
+        let bistatic = pair.map(|pair| Bistatic::new(pair, coa_s, scp));
         let vertices = placed.vertices();
         let along_m = vertices.map(|at| placed.along_m(at));
         let spectra = Spectrum::both(formed, &placed.layout, &along_m)?;
         let [first, _, second, _, third, _, fourth, _] = vertices;
-        let corners = [first, second, third, fourth].map(|at| placed.on_ground(at, &seen));
+        let corners = [first, second, third, fourth].map(|at| placed.on_ground(at, &sensor));
         Ok(Self {
             placed,
             aperture,
             seen,
+            sensor,
+            bistatic,
             spectra,
             corners,
         })

@@ -1,5 +1,5 @@
-//! Reader and writer of SICD (NGA.STND.0024) complex images and SIDD (NGA.STND.0025) detected images in NITF 2.1. SICD is written as version 1.3 and read as version 0.4 to
-//! 1.3.
+//! Reader and writer of SICD (NGA.STND.0024) complex images and SIDD (NGA.STND.0025) detected images in NITF 2.1. SICD is written as version 1.3, of a bistatic radar as
+//! 1.4, and read as version 0.4 to 1.5.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), whose crate `subaperture` has it as its module `sicd`.
 //!
@@ -17,6 +17,12 @@
 //! `K = f / c (u_t + u_r)` and not about zero. `KCtr` is the multiple of `1 / SS` nearest to it: a carrier of that frequency is 1 at the samples, and `DeltaKCOAPoly`
 //! describes the remainder. `Sgn` is -1.
 //!
+//! **Bistatic images**, with transmitter and receiver more than a milliradian apart seen from the scene, are written as version 1.4 by default ([`SicdOptions`]): it defines `SCPCOA/Bistatic`, and
+//! 1.5 adds only polygons of areas. `CollectType` is `BISTATIC`; `Position` contains `TxAPCPoly` at times of transmission, `RcvAPC` at times of reception, and the scene centre
+//! point as `GRPPoly`. `ARPPoly` runs on the bisector of the directions to both antennas, at the mean of their ranges, and times of centre of aperture are those at the
+//! scene. `IlluminatorName` is `UNKNOWN`. Refused are recordings without pulse times, bistatic angles of 168 degrees and more, and bisectors that do not turn.
+//! A fixed antenna has a `DopplerConeAng` of 90 degrees. SIDD describes monostatic images only.
+//!
 //! **Frame.** The caller gives the position of an image whose recording contains none ([`Georeference`]).
 //!
 //! **SIDD.** [`Sidd`] is the detected image, 8-bit grey on the same plane, version 3.0.
@@ -30,6 +36,8 @@
 
 mod aperture;
 mod band;
+mod bistatic;
+mod contour;
 mod dates;
 mod describe;
 mod formed;
@@ -39,12 +47,14 @@ mod laid;
 mod lookup;
 mod nitf;
 mod orientation;
+mod pair;
 mod plane;
 mod polynomial;
 mod projection;
 mod read;
 mod sidd;
 mod spectrum;
+mod version;
 mod write;
 mod written;
 
@@ -58,7 +68,8 @@ pub use plane::Plane;
 pub use projection::{Projection, ProjectionError};
 pub use read::SicdFile;
 pub use sidd::{Greys, Sidd, SiddFile, is_sidd};
-pub use write::Sicd;
+pub use version::{SicdVersion, UnknownVersion};
+pub use write::{Sicd, SicdOptions};
 pub use written::STRIP_PIXELS;
 
 use subaperture_io::atomic::WriteError;

@@ -4,7 +4,7 @@ use subaperture_io::ours::NITF_MARK;
 use subaperture_model::geometry::Geodetic;
 
 use crate::dates::digits;
-use crate::describe;
+use crate::version::SicdVersion;
 
 /// Largest data length of an image segment, bytes.
 pub(crate) const MAX_BYTES: u64 = 9_999_999_998;
@@ -26,7 +26,7 @@ pub(crate) const SIDD_NAMESPACE: &str = "urn:SIDD:3.0.0";
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Product {
     /// Complex pixels, pairs of float32.
-    Sicd,
+    Sicd(SicdVersion),
     /// Grey pixels, bytes.
     Sidd,
 }
@@ -35,7 +35,7 @@ impl Product {
     /// Size of a pixel, bytes.
     pub(crate) fn sample_bytes(self) -> u64 {
         match self {
-            Self::Sicd => 8,
+            Self::Sicd(_) => 8,
             Self::Sidd => 1,
         }
     }
@@ -43,16 +43,16 @@ impl Product {
     /// Name of the standard.
     fn title(self) -> &'static str {
         match self {
-            Self::Sicd => "SICD",
+            Self::Sicd(_) => "SICD",
             Self::Sidd => "SIDD",
         }
     }
 
-    /// Version and XML namespace of the standard.
-    fn schema(self) -> [&'static str; 2] {
+    /// Version, date and XML namespace of the standard.
+    fn schema(self) -> [&'static str; 3] {
         match self {
-            Self::Sicd => ["1.3.0", describe::NAMESPACE],
-            Self::Sidd => ["3.0", SIDD_NAMESPACE],
+            Self::Sicd(version) => [version.number(), version.date(), version.namespace()],
+            Self::Sidd => ["3.0", "2021-11-30T00:00:00Z", SIDD_NAMESPACE],
         }
     }
 
@@ -60,14 +60,14 @@ impl Product {
     fn segment_name(self, n: usize, of: usize) -> String {
         match (self, of) {
             (Self::Sidd, _) => format!("SIDD001{:03}", n + 1),
-            (Self::Sicd, 1) => "SICD000".to_owned(),
-            (Self::Sicd, _) => format!("SICD{:03}", n + 1),
+            (Self::Sicd(_), 1) => "SICD000".to_owned(),
+            (Self::Sicd(_), _) => format!("SICD{:03}", n + 1),
         }
     }
 
     fn bands(self) -> &'static [&'static str] {
         match self {
-            Self::Sicd => &["I", "Q"],
+            Self::Sicd(_) => &["I", "Q"],
             Self::Sidd => &["M"],
         }
     }
@@ -285,15 +285,13 @@ impl About<'_> {
         h.number(4, 773).number(5, 99_999).text(8, "XML");
         let created = crate::dates::iso(self.created_ns);
         h.text(20, &format!("{}Z", &created[..19])).text(40, "");
-        let [version, namespace] = self.product.schema();
+        let [version, date, namespace] = self.product.schema();
         let standard = format!(
             "{} Volume 1 Design & Implementation Description Document",
             self.product.title()
         );
         h.text(60, &standard);
-        h.text(10, version)
-            .text(20, "2021-11-30T00:00:00Z")
-            .text(120, namespace);
+        h.text(10, version).text(20, date).text(120, namespace);
         let outline = [0, 1, 2, 3, 0].map(|k| {
             let at = &self.outline[k];
             format!("{:+012.8}{:+013.8}", at.latitude_deg, at.longitude_deg)

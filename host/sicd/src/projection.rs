@@ -7,6 +7,9 @@
 //! |A - p| = R(x, y),    V . (A - p) / |A - p| = R'(x, y)
 //! ```
 //!
+//! Left sides of a bistatic image are means over the transmitter at the time of transmission and the receiver at the time of reception. Bistatic images are read from
+//! SICD 1.4, which defines these times, for grids of type `PLANE`, `XRGYCR`, `XCTYAT` and of polar format (`PFA`).
+//!
 //! | grid type, algorithm | R, R' from |
 //! |---|---|
 //! | `RGAZIM`, `PFA` | polynomials of polar angle and spatial frequency scale |
@@ -15,14 +18,16 @@
 //! | `PLANE`, `XRGYCR`, `XCTYAT` | point of the image plane |
 //!
 //! Both directions are solved by Newton's method to a micrometre. Of the two points with equal range and range rate, the one on the side of the SCP is returned. Adjustable
-//! parameters and bistatic images are not supported.
+//! parameters are not supported.
 
 use glam::{DMat3, DVec3};
 use subaperture_io::container::{Element, MetadataError};
 use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::Geodetic;
 
-use crate::lookup::{self, line, polynomial, with_root};
+use crate::contour::{Antenna, Contour, Sensor};
+use crate::lookup::{self, line, polynomial, version, with_root};
+use crate::pair::Pair;
 use crate::polynomial::Path;
 
 /// Largest number of Newton iterations.
@@ -48,7 +53,7 @@ pub struct Projection {
     spacings_m: [f64; 2],
     /// Row and column of the SCP, counted from the image's first.
     scp_pixel: [f64; 2],
-    antenna: Path,
+    trajectory: Trajectory,
     /// Time of centre of aperture, seconds; coefficients of metres along rows and columns.
     time_coa: Vec<Vec<f64>>,
     model: Model,
@@ -63,23 +68,57 @@ enum Model {
         scale: Vec<f64>,
     },
     Cone {
+        antenna: Path,
         scale: f64,
     },
     Closest {
+        antenna: Path,
         range_m: f64,
         time: Vec<f64>,
         rate_scale: Vec<Vec<f64>>,
     },
 }
 
-/// Range and range rate contour of an antenna.
-#[derive(Clone, Copy, Debug)]
-struct Contour {
-    antenna: DVec3,
-    velocity: DVec3,
-    range_m: f64,
-    rate_m_s: f64,
+/// Trajectories of one or both antennas.
+#[derive(Clone, Debug)]
+enum Trajectory {
+    Monostatic(Path),
+    Bistatic(Pair),
 }
+
+impl Trajectory {
+    fn parse(root: Element) -> Result<Self, MetadataError> {
+        let kind = lookup::text(root, &["CollectionInfo", "CollectType"]);
+        if kind != "BISTATIC" {
+            let path = lookup::path(root.at(&["Position", "ARPPoly"])?)?;
+            return Ok(Self::Monostatic(path));
+        }
+        let version = version(root, "SICD")?;
+        if OLDER.iter().any(|old| version.starts_with(old)) {
+            return Err(root.fault(format!(
+                "the projection of bistatic images is defined from SICD 1.4, found version {version}"
+            )));
+        }
+        Ok(Self::Bistatic(Pair::parse(root)?))
+    }
+
+    /// Antennas at a centre of aperture.
+    fn at(&self, time_s: f64) -> Sensor {
+        match self {
+            Self::Monostatic(path) => Sensor {
+                transmitter: Antenna {
+                    place: path.at(time_s, 0),
+                    velocity: path.at(time_s, 1),
+                },
+                receiver: None,
+            },
+            Self::Bistatic(pair) => pair.at(time_s),
+        }
+    }
+}
+
+/// Versions without bistatic projection.
+const OLDER: [&str; 5] = ["0.", "1.0", "1.1", "1.2", "1.3"];
 
 impl Projection {
     /// Parse a SICD's XML.
@@ -94,12 +133,17 @@ impl Projection {
     fn parse(root: Element) -> Result<Self, MetadataError> {
         let number = |path: &[&str]| root.at(path)?.number();
         let vector = |path: &[&str]| root.at(path)?.xyz();
-        let kind = lookup::text(root, &["CollectionInfo", "CollectType"]);
-        if kind == "BISTATIC" {
-            return Err(root.fault("expected a monostatic image, found a bistatic one"));
-        }
+        let trajectory = Trajectory::parse(root)?;
         let grid = lookup::text(root, &["Grid", "Type"]);
         let former = lookup::text(root, &["ImageFormation", "ImageFormAlgo"]);
+        let monostatic = |grid: &str| {
+            match &trajectory {
+            Trajectory::Monostatic(path) => Ok(path.clone()),
+            Trajectory::Bistatic(_) => Err(root.fault(format!(
+                "expected grid type PLANE, XRGYCR, XCTYAT or RGAZIM of PFA of a bistatic image, found '{grid}' of '{former}'"
+            ))),
+        }
+        };
         let model = match (grid.as_str(), former.as_str()) {
             ("PLANE" | "XRGYCR" | "XCTYAT", _) => Model::Plane,
             ("RGAZIM", "PFA") => Model::Polar {
@@ -107,11 +151,13 @@ impl Projection {
                 scale: line(root.at(&["PFA", "SpatialFreqSFPoly"])?)?,
             },
             ("RGAZIM", "RGAZCOMP") => Model::Cone {
+                antenna: monostatic(&grid)?,
                 scale: number(&["RgAzComp", "AzSF"])?,
             },
             ("RGZERO", _) => {
                 let inca = root.at(&["RMA", "INCA"])?;
                 Model::Closest {
+                    antenna: monostatic(&grid)?,
                     range_m: inca.child("R_CA_SCP")?.number()?,
                     time: line(inca.child("TimeCAPoly")?)?,
                     rate_scale: polynomial(inca.child("DRateSFPoly")?)?,
@@ -142,7 +188,7 @@ impl Projection {
             scp: vector(&["GeoData", "SCP", "ECF"])?,
             row: vector(&["Grid", "Row", "UVectECF"])?,
             column: vector(&["Grid", "Col", "UVectECF"])?,
-            antenna: lookup::path(root.at(&["Position", "ARPPoly"])?)?,
+            trajectory,
             time_coa: polynomial(root.at(&["Grid", "TimeCOAPoly"])?)?,
             model,
         };
@@ -192,7 +238,7 @@ impl Projection {
             let [.., up] = place.east_north_up();
             let [range, rate] = contour.off(point);
             let off = DVec3::new(range, rate, place.height_m - height_m);
-            let [along, turning] = contour.slopes(point);
+            let [along, turning] = contour.sensor.gradients(point);
             let rows = DMat3::from_cols(along, turning, up).transpose();
             let step = rows.inverse() * off;
             if !step.is_finite() || point.distance(self.scp) > FARTHEST_M {
@@ -241,70 +287,47 @@ impl Projection {
     /// Contour of an image position; `None` if it is not finite.
     fn contour(&self, [x, y]: [f64; 2]) -> Option<Contour> {
         let time_s = of_two(&self.time_coa, [x, y]);
-        let [antenna, velocity] = [0, 1].map(|k| self.antenna.at(time_s, k));
-        let of_point = |point: DVec3| {
-            let sight = antenna - point;
-            let range_m = sight.length();
-            [range_m, velocity.dot(sight) / range_m]
-        };
+        let sensor = self.trajectory.at(time_s);
         let [range_m, rate_m_s] = match &self.model {
-            Model::Plane => of_point(self.point([x, y])),
+            Model::Plane => sensor.range_and_rate(self.point([x, y])),
             Model::Polar { angle, scale } => {
                 let (theta, theta_rate) = (of(angle, time_s), slope(angle, time_s));
                 let (stretch, growth) = (of(scale, theta), slope(scale, theta));
                 let (sin, cos) = libm::sincos(theta);
                 let (along, across) = (x * cos + y * sin, y * cos - x * sin);
-                let [range_m, rate_m_s] = of_point(self.scp);
+                let [range_m, rate_m_s] = sensor.range_and_rate(self.scp);
                 [
                     range_m + stretch * along,
                     rate_m_s + (growth * along + stretch * across) * theta_rate,
                 ]
             }
-            Model::Cone { scale } => {
-                let [range_m, rate_m_s] = of_point(self.scp);
-                [range_m + x, rate_m_s - velocity.length() * scale * y]
+            Model::Cone { antenna, scale } => {
+                let [range_m, rate_m_s] = sensor.range_and_rate(self.scp);
+                [
+                    range_m + x,
+                    rate_m_s - antenna.at(time_s, 1).length() * scale * y,
+                ]
             }
             Model::Closest {
+                antenna,
                 range_m,
                 time,
                 rate_scale,
             } => {
                 let (closest_m, closest_s) = (range_m + x, of(time, y));
-                let speed2 = self.antenna.at(closest_s, 1).length_squared();
+                let speed2 = antenna.at(closest_s, 1).length_squared();
                 let since_s = time_s - closest_s;
                 let rate = of_two(rate_scale, [x, y]) * speed2 * since_s;
                 let range_m = (closest_m * closest_m + rate * since_s).sqrt();
                 [range_m, rate / range_m]
             }
         };
-        let sound = range_m > 0.0 && (antenna + velocity).is_finite();
+        let sound = range_m > 0.0 && sensor.is_finite();
         (sound && range_m.is_finite() && rate_m_s.is_finite()).then_some(Contour {
-            antenna,
-            velocity,
+            sensor,
             range_m,
             rate_m_s,
         })
-    }
-}
-
-impl Contour {
-    /// Range and range rate of a point minus those of the contour: metres, metres per second.
-    fn off(&self, point: DVec3) -> [f64; 2] {
-        let sight = self.antenna - point;
-        let range_m = sight.length();
-        [
-            range_m - self.range_m,
-            self.velocity.dot(sight) / range_m - self.rate_m_s,
-        ]
-    }
-
-    /// Gradients of range and range rate over the point.
-    fn slopes(&self, point: DVec3) -> [DVec3; 2] {
-        let sight = self.antenna - point;
-        let range_m = sight.length();
-        let away = -sight / range_m;
-        let across = self.velocity - away * self.velocity.dot(away);
-        [away, -across / range_m]
     }
 }
 

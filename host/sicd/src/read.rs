@@ -1,4 +1,4 @@
-//! Reader of SICD files, window by window: NITF 2.1 or NSIF 1.0, uncompressed samples of all three pixel types, versions 0.4 to 1.3.
+//! Reader of SICD files, window by window: NITF 2.1 or NSIF 1.0, uncompressed samples of all three pixel types, versions 0.4 to 1.5.
 //!
 //! | `PixelType` | conversion |
 //! |---|---|

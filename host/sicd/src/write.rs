@@ -11,7 +11,27 @@ use crate::formed::{Formed, Georeference};
 use crate::laid::Laid;
 use crate::nitf::{MAX_BYTES, Product};
 use crate::orientation::Orientation;
+use crate::version::SicdVersion;
 use crate::written::Written;
+
+/// Options of a SICD file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SicdOptions {
+    /// Version; `None` for the lowest that describes the image.
+    pub version: Option<SicdVersion>,
+    /// Maximum size of an image segment, for readers with a smaller limit than that of the standard, 9,999,999,998 bytes, which always applies.
+    pub segment_bytes: u64,
+}
+
+impl Default for SicdOptions {
+    /// The lowest version, and the standard's size of segments.
+    fn default() -> Self {
+        Self {
+            version: None,
+            segment_bytes: MAX_BYTES,
+        }
+    }
+}
 
 /// SICD file without its samples.
 #[derive(Clone, Debug)]
@@ -27,26 +47,30 @@ impl Sicd {
         placing: &Georeference,
         created_ns: i64,
     ) -> Result<Self, SicdError> {
-        Self::in_segments(formed, placing, created_ns, MAX_BYTES)
+        Self::with_options(formed, placing, created_ns, &SicdOptions::default())
     }
 
-    /// As [`Self::new`], with image segments of at most `segment_bytes`, for readers with a smaller limit. The limit of the standard, 9,999,999,998 bytes,
-    /// always applies.
+    /// As [`Self::new`], with options.
     ///
     /// # Errors
-    /// [`SicdError`] as [`Self::new`]; also if a row exceeds `segment_bytes`, or the image needs more than 999 segments.
-    pub fn in_segments(
+    /// [`SicdError`] as [`Self::new`]; also if the version does not describe the image, a row exceeds the size of a segment, or the image needs more than 999
+    /// segments.
+    pub fn with_options(
         formed: &Formed,
         placing: &Georeference,
         created_ns: i64,
-        segment_bytes: u64,
+        options: &SicdOptions,
     ) -> Result<Self, SicdError> {
         let laid = Laid::new(formed, placing)?;
+        let version = SicdVersion::of(&laid.aperture, options.version)?;
         let xml = Description {
+            version,
             formed,
             placed: &laid.placed,
             aperture: &laid.aperture,
             seen: &laid.seen,
+            sensor: &laid.sensor,
+            bistatic: laid.bistatic.as_ref(),
             spectra: &laid.spectra,
             corners: &laid.corners,
             created_ns,
@@ -54,10 +78,10 @@ impl Sicd {
         .document();
         Ok(Self(laid.written(
             formed,
-            Product::Sicd,
+            Product::Sicd(version),
             created_ns,
             xml,
-            segment_bytes,
+            options.segment_bytes,
         )?))
     }
 

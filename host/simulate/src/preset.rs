@@ -71,6 +71,7 @@ impl Preset {
                     start_hz: CARRIER_HZ - (NUM_SAMPLES / 2) as f64 * step_hz,
                     step_hz,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 }
             })
             .collect();

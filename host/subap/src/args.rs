@@ -11,6 +11,7 @@ mod logs;
 mod look;
 mod maps;
 mod navigation;
+mod pair;
 mod plan;
 mod quality;
 mod radio;
@@ -46,11 +47,12 @@ pub(crate) use focus::{
 pub(crate) use formers::{FormerOptions, key as former_key, options as former_options};
 pub(crate) use front::{command, parse};
 pub(crate) use global::Global;
-pub(crate) use gmti::Gmti;
+pub(crate) use gmti::{CROSS_SECTION_M2, Gmti};
 pub(crate) use logs::Logs;
 pub(crate) use look::{ColourMap, Look, Picture};
 pub(crate) use maps::{MapLayout, MapProjection, Mapping, RemapName};
 pub(crate) use navigation::Navigation;
+pub(crate) use pair::{Pair, PairFormat};
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use quality::{Points, Quality};
 pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
@@ -58,7 +60,7 @@ pub(crate) use run::Run;
 pub(crate) use settings::defaults;
 pub(crate) use shell::{Completions, Man};
 use subaperture::units::Dimension;
-pub(crate) use surface::{GeoidSource, GridSettings, SurfaceKind};
+pub(crate) use surface::GridSettings;
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
@@ -125,6 +127,8 @@ pub(crate) enum Command {
     Navigation(Navigation),
     /// Compare two complex images
     Compare(Compare),
+    /// Form interferogram, coherence and change map (CCD) of two coherent images
+    Pair(Pair),
     /// Measure an image: point responses, levels, contrast, differences from another image
     Quality(Quality),
     /// Draw a picture of an image, with other levels or colours
@@ -176,7 +180,7 @@ pub(crate) struct Rehearsal {
 #[derive(Clone, Debug, Default, Group, Deserialize)]
 #[serde(default)]
 pub(crate) struct Input {
-    /// Recordings: CPHD, CRSD, GOTCHA .mat, arrays, or descriptions of raw samples (.toml, see subap recording). Several make one aperture,
+    /// Recordings: CPHD, CRSD, NISAR L0B, GOTCHA .mat, arrays, or descriptions of raw samples (.toml, see subap recording). Several make one aperture,
     /// ordered by time or, without times, by angle
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,

@@ -14,6 +14,7 @@ use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
 
 use crate::args::{self, Global};
+use crate::arguments::arguments;
 use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{interrupt, log, messages, text};
@@ -276,7 +277,7 @@ pub(crate) fn note_inferred(history: &dyn PhaseHistory) {
 
 /// Arguments of the command line; invalid UTF-8 is replaced.
 pub(crate) fn command_line() -> Vec<String> {
-    let words = std::env::args_os();
+    let words = arguments().iter();
     words
         .map(|word| word.to_string_lossy().into_owned())
         .collect()

@@ -8,6 +8,7 @@ use subaperture::module::link::LinkError;
 use subaperture::targets::TargetsError;
 
 use crate::advice::{self, one_line};
+use crate::arguments::arguments;
 use crate::messages;
 use crate::text::{self, SayError};
 
@@ -38,17 +39,18 @@ pub(crate) struct InterruptedJob(pub(crate) String);
 #[error("interrupted; {0}")]
 pub(crate) struct InterruptedLink(pub(crate) String);
 
-/// [`Interrupted`], with the sweeps captured so far kept in their recording.
+/// [`Interrupted`], with the steps or sweeps captured so far kept in their recording.
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; the {steps} steps captured so far are in {path}, a complete recording")]
+#[error("interrupted; the {steps} {unit} captured so far are in {path}, a complete recording")]
 pub(crate) struct InterruptedWithSteps {
     pub(crate) steps: u64,
+    pub(crate) unit: &'static str,
     pub(crate) path: String,
 }
 
 /// Whether `--json` is among the arguments of this process; used when the arguments do not parse.
 pub(crate) fn json_is_asked_for() -> bool {
-    let mut words = std::env::args_os().take_while(|word| word != "--");
+    let mut words = arguments().iter().take_while(|word| *word != "--");
     words.any(|word| word == "--json")
 }
 

@@ -17,7 +17,7 @@ use crate::failure::Usage;
 use crate::{advice, text};
 
 /// Memory of code, tables, file buffers and allocator, bytes.
-const PROGRAM_BYTES: u64 = 16 << 20;
+const PROGRAM_BYTES: u64 = 18 << 20;
 /// Memory per thread: its stack and its allocator arena, bytes.
 const THREAD_BYTES: u64 = 1 << 20;
 /// Minimum and maximum memory for the picture of an image, bytes.

@@ -28,6 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         start_hz,
         step_hz,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     });
     let collection = Collection {
         name: "custom point".to_owned(),

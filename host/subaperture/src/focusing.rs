@@ -2,7 +2,7 @@
 
 use crate::FocusedImage;
 use subaperture_focus::beam::{BeamChoice, EstimateError, InBeam, choose};
-use subaperture_focus::coverage::Coverage;
+use subaperture_focus::coverage;
 use subaperture_focus::device::Device;
 use subaperture_focus::{
     BoundPolicy, FormError, ImageFormer, Numerics, Task, TimeModel, formers, machine,
@@ -149,8 +149,7 @@ impl<'a> Focusing<'a> {
     /// [`FormError`]; [`FormError::Unsuited`] if a requested beam does not suit the recording, the grid or a former of another crate.
     pub fn by<F: ImageFormer + ?Sized>(self, former: &F) -> Result<FocusedImage, FormError> {
         let start = Stopwatch::start();
-        let coverage = Coverage::of(self.history.collection(), self.grid);
-        let mut warnings: Vec<String> = (coverage.iter()).filter_map(Coverage::warning).collect();
+        let mut warnings = Vec::new();
         let mut image = match self.in_beam(former, &mut warnings)? {
             Some(in_beam) => self.formed(&in_beam)?,
             None => self.formed(former)?,
@@ -209,6 +208,8 @@ impl<'a> Focusing<'a> {
         let about = (former.name(), self.windows, former.beam());
         let mut image = FocusedImage::new(formed, self.history, self.grid, about, inputs);
         image.memory_bytes = memory_bytes;
+        let uncovered = coverage::warning(&image.settings, self.grid);
+        image.warnings.extend(uncovered);
         Ok(image)
     }
 }

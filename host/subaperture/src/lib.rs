@@ -5,7 +5,7 @@
 //!
 #![doc = concat!("```no_run\n", include_str!("../examples/read_and_focus.rs"), "```")]
 //!
-//! - [`open()`] reads CPHD, CRSD, AFRL's GOTCHA files, arrays, and raw samples described in TOML.
+//! - [`open()`] reads CPHD, CRSD, NISAR L0B, AFRL's GOTCHA files, arrays, and raw samples described in TOML.
 //! - [`scene_grid`] proposes an image grid from the recording's extent and resolution. Other grids are parsed from text or
 //!   constructed ([`geometry::ImageGrid`]).
 //! - [`Focus::focus`] forms the image with default settings. [`Focusing`] sets windows, memory, progress reports, and whether
@@ -70,6 +70,7 @@
 //! | [`signal`] | windows, transforms, interpolation kernels | | |
 //! | [`io`] | file readers and writers | | `fs4`, `serde_json` |
 //! | `io::cphd`, `io::crsd` | CPHD 1.x; CRSD 1.0 (read only) | `cphd` | `roxmltree` |
+//! | `io::l0b` | NISAR L0B (read only) | `cphd` with `hdf5` | `hdf5-pure` |
 //! | `io::gotcha` | AFRL's GOTCHA files (MATLAB 5) | `gotcha` | `flate2` |
 //! | [`io::npy`], `io::arrays` | NumPy arrays and archives; phase history stored in them | `npz` | `zip` |
 //! | `io::arrays` | phase history stored in HDF5 | `hdf5` | `hdf5-pure` |
@@ -78,8 +79,9 @@
 //! | `simulate` | simulator of scenes, tracks, receivers and recordings | `simulate` | `rand_chacha`, `rand_distr`, `png` |
 //! | `quality` | image quality: impulse responses, statistics, coherence | `quality` | |
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
-//! | `planner` | performance prediction and collection planning | `planner` | |
+//! | `planner` | performance prediction, signal chains and collection planning | `planner` | `toml` |
 //! | `autofocus` | calibration of parameters, phases and tracks by image sharpness | `autofocus` | |
+//! | `corrections` | recordings corrected for troposphere, phase errors and the motion of a target | `autofocus` | |
 //! | `motion`, `targets` | ego-motion estimation from echo phases; detected targets | `motion` | `subaperture-core` |
 //! | `navigation` | navigation logs; their fusion with the estimated track | `navigation` | |
 //! | `track_fusion` | fusion of a recording's echoes and its navigation into one track | `motion` and `navigation` | |
@@ -90,6 +92,7 @@
 //! | `module` | embedded module: plan, serial link, maps | `link` | `subaperture-core`, `serial2` |
 //! | `radio` | stepped-frequency radar on a software-defined radio, real or simulated: capture, range profiles | `radio` | |
 //! | `gmti` | moving targets of several channels: clutter cancellation, detection, velocity, position | `gmti` | |
+//! | `interferometry` | coherent pairs of images: interferogram, coherence and its statistics, coherent change detection (CCD) | `interferometry`, which enables `quality` | |
 //! | `live_capture` | image of a running capture, updated with each sweep, on a given or estimated track | `radio`, which enables `motion` | |
 //! | `viewer` | local web viewer for large images and running captures | `viewer` | `axum`, `tokio` |
 //! | `gpu` | backprojection on a GPU by Vulkan or Metal | `gpu` | `wgpu` |
@@ -99,6 +102,8 @@
 #![forbid(unsafe_code)]
 
 pub mod convention;
+#[cfg(feature = "autofocus")]
+pub mod corrections;
 mod focused;
 mod focusing;
 #[cfg(all(feature = "maps", feature = "sicd", feature = "terrain"))]
@@ -131,6 +136,8 @@ pub use subaperture_describe as describe;
 pub use subaperture_gmti as gmti;
 #[cfg(feature = "gpu")]
 pub use subaperture_gpu as gpu;
+#[cfg(feature = "interferometry")]
+pub use subaperture_interferometry as interferometry;
 #[cfg(feature = "recording")]
 pub use subaperture_io::receive;
 #[cfg(feature = "maps")]

@@ -30,7 +30,7 @@ const SBET_BYTES: u64 = 136;
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {
-    /// Phase history or raw echoes readable by [`crate::open()`]: CPHD, CRSD, GOTCHA, arrays, or a TOML description.
+    /// Phase history or raw echoes readable by [`crate::open()`]: CPHD, CRSD, NISAR L0B, GOTCHA, arrays, or a TOML description.
     Recording,
     /// Image of any format supported by the module `images`.
     Image,

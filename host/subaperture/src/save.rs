@@ -55,7 +55,7 @@ impl FocusedImage {
     }
 
     /// Contents of `image.json`.
-    fn record(&self) -> Value {
+    pub fn record(&self) -> Value {
         let [fast, slow] = self.windows;
         Record {
             run: json!({

@@ -44,6 +44,8 @@ pub(crate) fn history(case: &Case) -> InMemory {
             start_hz: case.start_hz,
             step_hz: case.step_hz,
             sweep: Sweep::AT_ONCE,
+            // The sum is defined at all places.
+            recorded_path_m: Some([0.0, 1e12]),
         }
     });
     let collection = Collection {

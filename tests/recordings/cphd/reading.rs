@@ -514,7 +514,7 @@ fn file_beyond_memory_is_refused_before_allocation() {
     std::fs::write(&path, &start).unwrap();
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(pvp_at + pvp_bytes + 2 * vectors).unwrap();
-    assert_eq!(refusal(1 << 30), vectors * (240 + 17) + (1 << 20));
+    assert_eq!(refusal(1 << 30), vectors * (264 + 17) + (1 << 20));
     // Its metadata can still be read.
     let info = CphdInfo::read(&path).unwrap();
     assert_eq!(info.channels[0].num_vectors, vectors);
@@ -560,10 +560,10 @@ fn recordings_of_one_aperture_share_memory_budget() {
         open_all(&[&path, &next], &options).map(|aperture| aperture.held_bytes())
     };
     // While the second file is opened, the first one is in memory.
-    let held = 3 * (240 + 17);
+    let held = 3 * (264 + 17);
     let needed = parsed_bytes(&hand.xml()) + held;
     // Their times are the same, so pulses alternate: a block of 24 bytes for each.
-    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (240 + 24));
+    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (264 + 24));
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 

@@ -198,7 +198,7 @@ fn inputs_state_checksum_of_whole_file() {
     assert_eq!(inputs.len(), 1);
     assert_eq!(inputs[0].path, path);
     assert_eq!(inputs[0].bytes, bytes.len() as u64);
-    assert_eq!(inputs[0].crc32, format!("{:08x}", crc32(&bytes)));
+    assert_eq!(inputs[0].identity.text(), format!("{:08x}", crc32(&bytes)));
 }
 
 /// A history that fails or cancels when half of it has been read.

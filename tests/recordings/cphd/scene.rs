@@ -77,6 +77,7 @@ impl Scene {
             start_hz: self.start_hz,
             step_hz: self.step_hz,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     }
 

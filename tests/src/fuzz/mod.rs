@@ -19,12 +19,14 @@ mod crsd;
 mod endpoint;
 mod images;
 mod jobs;
+mod l0b;
 mod maps;
 mod mutate;
 mod plans;
 mod product;
 mod recordings;
 mod repair;
+mod scpi;
 mod scratch;
 mod session;
 mod shapes;
@@ -32,6 +34,7 @@ mod sicd;
 pub mod stuffing;
 mod terrain;
 mod texts;
+mod touchstone;
 mod tracks;
 pub mod trial;
 mod wire;
@@ -76,7 +79,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All targets.
-pub static TARGETS: [Target; 28] = [
+pub static TARGETS: [Target; 31] = [
     Target {
         name: "job",
         read: jobs::job,
@@ -107,6 +110,14 @@ pub static TARGETS: [Target; 28] = [
         seeds: crsd::seeds,
         repair: crsd::repair,
         words: crsd::WORDS,
+        most_bytes: budgeted,
+    },
+    Target {
+        name: "l0b",
+        read: l0b::read,
+        seeds: l0b::seeds,
+        repair: unchanged,
+        words: l0b::WORDS,
         most_bytes: budgeted,
     },
     Target {
@@ -302,6 +313,22 @@ pub static TARGETS: [Target; 28] = [
         repair: unchanged,
         words: shapes::WORDS,
         most_bytes: in_proportion,
+    },
+    Target {
+        name: "touchstone",
+        read: touchstone::read,
+        seeds: touchstone::seeds,
+        repair: unchanged,
+        words: touchstone::WORDS,
+        most_bytes: described,
+    },
+    Target {
+        name: "scpi",
+        read: scpi::read,
+        seeds: scpi::seeds,
+        repair: unchanged,
+        words: scpi::WORDS,
+        most_bytes: budgeted,
     },
 ];
 

@@ -95,6 +95,7 @@ fn scene_apart(num_pulses: usize, num_samples: usize, apart_m: f64) -> InMemory 
             start_hz: 9.6e9,
             step_hz: 2e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     let collection = Collection {

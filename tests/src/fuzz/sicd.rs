@@ -18,6 +18,9 @@ pub(super) const WORDS: &[&str] = &[
     "SICD000",
     "XML_DATA_CONTENT",
     "urn:SICD:1.1.0",
+    "urn:SICD:1.5",
+    "BISTATIC",
+    "RcvAPCPoly",
     "RE32F_IM32F",
     "RGAZIM",
     "RGZERO",
@@ -39,10 +42,17 @@ pub(super) const WORDS: &[&str] = &[
     "9999999999",
 ];
 
-/// An image of a few pixels seen from 5 km, by our writer.
+/// Images of a few pixels seen from 5 km, monostatic and bistatic, by our writer.
 pub(super) fn seeds() -> Vec<Vec<u8>> {
+    [0.0, 3000.0].map(seed).into()
+}
+
+/// Image of a receiver at a distance from the transmitter, metres.
+fn seed(apart_m: f64) -> Vec<u8> {
     let track = |n: i32| DVec3::new(f64::from(n) * 20.0, -4000.0, 3000.0);
     let antennas: Vec<DVec3> = (-4..=4).map(track).collect();
+    let apart = |place: &DVec3| *place + DVec3::X * apart_m;
+    let receivers: Vec<DVec3> = antennas.iter().map(apart).collect();
     let grid: ImageGrid = "x=0:1:0.25,y=0:0.75:0.25,z=0".parse().expect("a grid");
     let formed = Formed {
         name: "a & b".to_owned(),
@@ -52,13 +62,13 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
             timed: true,
             times_s: (0..9).map(|n| 0.2 * f64::from(n)).collect(),
             transmitters_m: antennas.clone(),
-            receivers_m: antennas.clone(),
+            receivers_m: receivers.clone(),
         },
         looks: RecordedLooks {
             band_cells: 64,
             bands_hz: vec![[9.8e9, 10.2e9]],
             transmitters_m: antennas.iter().map(DVec3::to_array).collect(),
-            receivers_m: Vec::new(),
+            receivers_m: receivers.iter().map(DVec3::to_array).collect(),
         },
         windows: [Window::None; 2],
         former: "bp".to_owned(),
@@ -85,7 +95,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let path = folder.path().join("seed.nitf");
     sicd.write(&path, &image, &Silent)
         .expect("a file is written");
-    vec![std::fs::read(path).expect("it is read")]
+    std::fs::read(path).expect("it is read")
 }
 
 pub(super) fn read(bytes: &[u8]) -> String {

@@ -124,7 +124,8 @@ pub(super) fn scenario(bytes: &[u8]) -> String {
 
 /// Simulate the first and the last pulse: finite, or an error.
 fn record(experiment: &Experiment) -> String {
-    let points = experiment.scene.points.len() + experiment.scene.movers.len();
+    let scene = &experiment.scene;
+    let points = scene.points.len() + scene.moving_points.len() + scene.movers.len();
     let samples = experiment.radar.waveform.num_samples();
     if experiment.radar.num_pulses > MAX_PULSES || points > MAX_POINTS || samples > MAX_SAMPLES {
         return "large".to_owned();

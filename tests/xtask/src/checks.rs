@@ -42,20 +42,15 @@ const CORE: [(&str, &str); 8] = [
 
 /// The library with sets of features in which each feature occurs without every other one that it does not bring. The command enables all
 /// and never builds these.
-const LIBRARY: [&str; 13] = [
+const LIBRARY: [&str; 8] = [
     "",
-    "gotcha,npz,link,motion,navigation",
-    "simulate,planner,motion,radio,terrain",
-    "cphd,autofocus,link",
-    "cphd,gotcha,plot,sicd,terrain",
-    "npz,quality,planner,sicd",
-    "simulate,plot,autofocus,navigation",
-    "hdf5",
-    "maps",
-    "uhd",
-    "viewer",
-    "gpu",
-    "gmti",
+    "cphd,hdf5,maps,planner,plot,sicd,uhd",
+    "cphd,gmti,gotcha,gpu,link,maps,navigation,planner,sicd,terrain",
+    "autofocus,cphd,gpu,link,maps,plot,viewer",
+    "gmti,interferometry,navigation,terrain,uhd,viewer",
+    "autofocus,gpu,interferometry,maps,navigation,npz,planner,plot,sicd",
+    "autofocus,gotcha,hdf5,interferometry,link,planner,simulate,terrain",
+    "cphd,gmti,gotcha,gpu,hdf5,interferometry,motion,plot,sicd",
 ];
 
 /// Features that need UHD.
@@ -65,7 +60,9 @@ pub(crate) const UHD: &str = "subaperture-uhd-stand-in/uhd,subap/uhd";
 pub(crate) const GPU: &str = "subaperture-gpu/command";
 
 /// Packages that are not published.
-const OURS_ALONE: [&str; 10] = [
+const OURS_ALONE: [&str; 12] = [
+    "--exclude",
+    "subaperture-python",
     "--exclude",
     "subaperture-firmware",
     "--exclude",

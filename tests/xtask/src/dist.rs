@@ -31,7 +31,7 @@ const SHELLS: [(&str, &str); 3] = [
 ];
 
 /// Copied from the repository's root.
-const DOCUMENTS: [&str; 5] = [
+pub(crate) const DOCUMENTS: [&str; 5] = [
     "README.md",
     "CHANGELOG.md",
     "LICENSE-MIT",
@@ -40,7 +40,7 @@ const DOCUMENTS: [&str; 5] = [
 ];
 
 /// Licences of the dependencies.
-const LICENCES: &str = "LICENSES-DEPENDENCIES.txt";
+pub(crate) const LICENCES: &str = "LICENSES-DEPENDENCIES.txt";
 
 /// Build and check every archive.
 ///
@@ -75,7 +75,7 @@ pub(crate) fn build() -> Result<(), String> {
         for document in DOCUMENTS {
             copy(&root().join(document), &folder.join(document))?;
         }
-        let licences = third_party_licences(&metadata, target)?;
+        let licences = third_party_licences(&metadata, "subap", target)?;
         write(&folder.join(LICENCES), licences.as_bytes())?;
         let man = folder.join("man/man1");
         create(&man)?;
@@ -180,9 +180,17 @@ fn version(metadata: &Value) -> Result<String, String> {
     Ok(text(&subap["version"]).to_owned())
 }
 
-/// Name, version, licence expression and licence files of each package that subap's build for `target` links.
-fn third_party_licences(metadata: &Value, target: &str) -> Result<String, String> {
-    let mut tree = cargo(&["tree", "--locked", "--package", "subap", "--target", target]);
+/// Licences of the packages that a build of `of` for `target` links.
+///
+/// # Errors
+/// The command that failed, or the file that could not be read.
+pub(crate) fn licences(of: &str, target: &str) -> Result<String, String> {
+    third_party_licences(&metadata()?, of, target)
+}
+
+/// Name, version, licence expression and licence files of each package that the build of `of` for `target` links.
+fn third_party_licences(metadata: &Value, of: &str, target: &str) -> Result<String, String> {
+    let mut tree = cargo(&["tree", "--locked", "--package", of, "--target", target]);
     tree.args(["--edges", "normal", "--prefix", "none", "--format", "{p}"]);
     let tree = run(&mut tree)?;
     let tree = String::from_utf8_lossy(&tree);
@@ -195,7 +203,7 @@ fn third_party_licences(metadata: &Value, target: &str) -> Result<String, String
             packages.insert((name, version.trim_start_matches('v')));
         }
     }
-    let mut licences = "Licences of the packages that subap is linked with\n".to_owned();
+    let mut licences = format!("Licences of the packages that {of} is linked with\n");
     for (name, version) in packages {
         let found = package(metadata, |p| p["name"] == name && p["version"] == version);
         let found = found.ok_or_else(|| format!("cargo metadata lists no {name} {version}"))?;

@@ -20,19 +20,27 @@ const LIMIT: Duration = Duration::from_secs(1200);
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Parts that start first, longest first, because a long part that starts late would run alone at the end.
-const LONGEST: [&str; 18] = [
+const LONGEST: [&str; 26] = [
+    "python",
     "cli::tiles",
+    "firmware::detections",
     "gallery",
-    "recordings::tune_certainty",
+    "cli::guide",
+    "firmware::gotcha",
+    "firmware::cli_products",
     "cli::memory",
+    "firmware::cli_link",
+    "cli::failing_writes",
     "firmware::sessions",
+    "cli::autofocus",
+    "firmware::front_end",
+    "recordings::tune_certainty",
+    "cli::run",
     "cli::overwrite",
     "formers::random",
-    "firmware::cli_link",
     "formers::pfa_ffbp",
     "firmware::budgets",
     "formers::sweep_motion",
-    "firmware::gotcha",
     "formers::frequency_domain",
     "formers::backprojection",
     "damage::fuzz_targets",

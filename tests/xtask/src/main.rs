@@ -11,6 +11,7 @@ mod python;
 mod runner;
 mod suite;
 mod wasm;
+mod wheel;
 mod words;
 
 use std::path::PathBuf;
@@ -51,6 +52,9 @@ Usage: cargo xtask COMMAND
   bench      measure image formers: time, error, memory, with other programs and against
              another revision ('cargo xtask bench --help')
   dist       build the release archives: target/dist
+  wheel [all]
+             build the Python wheel for this machine, or for all targets, and the source archive: target/wheels;
+             install and run them in empty environments
   module     build the application for the emulated board: target/module/float and fixed
   module-report
              measure the module and write firmware/REPORT.md; with --check compare it
@@ -85,6 +89,10 @@ fn main() -> ExitCode {
             }
         }
         ["dist"] => match dist::build() {
+            Ok(()) => return ExitCode::SUCCESS,
+            Err(error) => Err(error),
+        },
+        ["wheel"] | ["wheel", "all"] => match wheel::build(words.len() > 1) {
             Ok(()) => return ExitCode::SUCCESS,
             Err(error) => Err(error),
         },
@@ -242,12 +250,11 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     checks::doc_host(runner);
     checks::clippy_firmware(runner);
     checks::doc_firmware(runner);
-    runner.add_all(second.join().expect("checking does not panic"));
     let python = installation.join().expect("installing does not panic")?;
     checks::deny(runner);
     suite::kernels_elsewhere(runner);
-    suite::uhd(runner);
-    suite::command_on_gpu(runner);
+    suite::hardware(runner);
+    runner.add_all(second.join().expect("checking does not panic"));
     // The firmware's test is one of these.
     unit(runner, python);
     runner.work("guide", guide::build);

@@ -1,5 +1,4 @@
-//! Python of the tests: that of `SUBAPERTURE_PYTHON`, otherwise `target/venv` with sarkit, rio-cogeo, xarray, zarr and
-//! stanag4607.
+//! Python of the tests: that of `SUBAPERTURE_PYTHON`, otherwise `target/venv` with the packages of `tests/requirements.txt`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,8 +6,12 @@ use std::process::{Command, Stdio};
 
 use subaperture_xtask::{root, target_folder};
 
-/// Requirements, one per line; also the mark of a complete environment.
+/// Requirements of the tests, one per line; also the mark of a complete environment.
 const REQUIREMENTS: &str = include_str!("../../requirements.txt");
+/// Requirements of building wheels.
+const OF_WHEELS: &str = include_str!("../../requirements-wheel.txt");
+/// Name of the mark in an environment.
+const MARK: &str = "requirements.txt";
 
 /// A Python of at least 3.11 (sarkit needs it) that can make environments.
 pub(crate) fn interpreter() -> Option<&'static str> {
@@ -44,30 +47,54 @@ pub(crate) fn named() -> Option<PathBuf> {
 }
 
 fn has_packages(python: &Path) -> Result<(), String> {
-    run(Command::new(python).args(["-c", "import sarkit, rio_cogeo, xarray, zarr, stanag4607"]))
+    const MODULES: &str = "sarkit, rio_cogeo, xarray, zarr, stanag4607, pytest, mypy, distributed, matplotlib, nbclient, ipykernel";
+    run(Command::new(python).args(["-c", &format!("import {MODULES}")]))
 }
 
-/// Make the environment unless a complete one exists; returns its interpreter.
+/// Make the environment of the tests unless a complete one exists; returns its interpreter.
 pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
-    let target = target_folder();
-    let venv = target.join("venv");
+    let venv = target_folder().join("venv");
     let python = venv.join("bin/python");
-    let mark = venv.join("requirements.txt");
-    if fs::read_to_string(&mark).is_ok_and(|text| text == REQUIREMENTS)
-        && has_packages(&python).is_ok()
-    {
+    if is_complete(&venv, REQUIREMENTS) && has_packages(&python).is_ok() {
         return Ok(python);
     }
-    println!(
-        "making {} ({})",
-        venv.display(),
-        REQUIREMENTS.lines().last().unwrap_or("")
-    );
+    make(&venv, "tests/requirements.txt", REQUIREMENTS)
+}
+
+/// Make the environment that builds wheels unless a complete one exists; returns its interpreter.
+pub(crate) fn ensure_builder() -> Result<PathBuf, String> {
+    let venv = target_folder().join("venv-wheel");
+    match is_complete(&venv, OF_WHEELS) {
+        true => Ok(venv.join("bin/python")),
+        false => make(&venv, "tests/requirements-wheel.txt", OF_WHEELS),
+    }
+}
+
+fn is_complete(venv: &Path, requirements: &str) -> bool {
+    fs::read_to_string(venv.join(MARK)).is_ok_and(|text| text == requirements)
+}
+
+/// Make an environment from a file of requirements, whose text marks it as complete.
+fn make(venv: &Path, file: &str, requirements: &str) -> Result<PathBuf, String> {
+    println!("making {} ({file})", venv.display());
     let base = interpreter().ok_or("no Python of at least 3.11 with venv was found")?;
+    let python = empty(Path::new(base), venv)?;
+    install(&python, &[Path::new("--requirement"), &root().join(file)])?;
+    let mark = venv.join(MARK);
+    fs::write(&mark, requirements).map_err(|e| format!("cannot write {}: {e}", mark.display()))?;
+    Ok(python)
+}
+
+/// Make an empty environment; returns its interpreter.
+pub(crate) fn empty(base: &Path, venv: &Path) -> Result<PathBuf, String> {
+    let target = target_folder();
     fs::create_dir_all(&target).map_err(|e| format!("cannot make {}: {e}", target.display()))?;
-    run(Command::new(base)
-        .args(["-m", "venv", "--clear"])
-        .arg(&venv))?;
+    run(Command::new(base).args(["-m", "venv", "--clear"]).arg(venv))?;
+    Ok(venv.join("bin/python"))
+}
+
+/// Install packages by pip.
+pub(crate) fn install(python: &Path, packages: &[&Path]) -> Result<(), String> {
     let pip = [
         "-m",
         "pip",
@@ -75,15 +102,10 @@ pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
         "--quiet",
         "--disable-pip-version-check",
     ];
-    run(Command::new(&python)
-        .args(pip)
-        .arg("--requirement")
-        .arg(root().join("tests/requirements.txt")))?;
-    fs::write(&mark, REQUIREMENTS).map_err(|e| format!("cannot write {}: {e}", mark.display()))?;
-    Ok(python)
+    run(Command::new(python).args(pip).args(packages))
 }
 
-fn run(command: &mut Command) -> Result<(), String> {
+pub(crate) fn run(command: &mut Command) -> Result<(), String> {
     let program = command.get_program().to_string_lossy().into_owned();
     let output = command
         .output()

@@ -45,23 +45,56 @@ pub(crate) fn guide_pages(runner: &mut Runner) {
 
 /// The radio's binding to UHD, linked with the installed UHD, and the command with it.
 pub(crate) fn uhd(runner: &mut Runner) {
+    if binding(runner) {
+        runner.tests("command by UHD", &mut of_command(&[UHD_TEST]));
+    }
+}
+
+/// The radio's binding to UHD, and the command with it and with a GPU. One build of the command has both.
+pub(crate) fn hardware(runner: &mut Runner) {
+    match (binding(runner), Need::Vulkan.is_met()) {
+        (true, true) => runner.tests(
+            "command by UHD and by GPU",
+            &mut of_command(&[UHD_TEST, GPU_TEST]),
+        ),
+        (true, false) => {
+            runner.tests("command by UHD", &mut of_command(&[UHD_TEST]));
+            command_on_gpu(runner);
+        }
+        (false, _) => command_on_gpu(runner),
+    }
+}
+
+/// The radio's binding to UHD; false without UHD.
+fn binding(runner: &mut Runner) -> bool {
     const NAME: &str = "radio by UHD";
     if !Need::Uhd.is_met() {
-        return runner.skip(NAME, "libuhd-dev is not installed");
+        runner.skip(NAME, "libuhd-dev is not installed");
+        return false;
     }
     clippy_uhd(runner);
     let mut command = cargo(&["test", "--package", "subaperture-radio"]);
     command.args(["--features", "uhd", "--lib", "--no-fail-fast", "--locked"]);
+    // Dependencies have other features in the build of one package, so all are compiled again. These tests compute little, so they are not optimised.
+    command.args(["--config", "profile.dev.opt-level=0"]);
     runner.tests(NAME, command.args(["--", SHOW_OUTPUT]));
-    runner.tests("command by UHD", &mut of_command(UHD, "uhd"));
+    true
 }
 
-/// The tests of an executable that runs the command, built with `features`.
-fn of_command(features: &str, test: &str) -> Command {
+/// Features of the command, and the executable that tests it with them.
+type CommandTest = (&'static str, &'static str);
+
+const UHD_TEST: CommandTest = (UHD, "uhd");
+const GPU_TEST: CommandTest = (GPU, "gpu_command");
+
+/// Tests of the command, built with the features of all.
+fn of_command(tests: &[CommandTest]) -> Command {
     // With all tested packages: the command depends on most of them, and another selection would enable other features of dependencies, and
     // build all of them again.
     let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
-    command.args(["--features", features, "--test", test]);
+    for (features, test) in tests {
+        command.args(["--features", features, "--test", test]);
+    }
     command.args(["--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
     command
 }
@@ -70,7 +103,7 @@ fn of_command(features: &str, test: &str) -> Command {
 pub(crate) fn command_on_gpu(runner: &mut Runner) {
     const NAME: &str = "command by GPU";
     match Need::Vulkan.is_met() {
-        true => runner.tests(NAME, &mut of_command(GPU, "gpu_command")),
+        true => runner.tests(NAME, &mut of_command(&[GPU_TEST])),
         false => runner.skip(NAME, "no Vulkan driver is installed"),
     }
 }

@@ -244,6 +244,7 @@ mod tests {
                 start_hz: 77e9,
                 step_hz: 1e6,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         (0..TURNS).map(pulse).collect()

@@ -6,6 +6,7 @@ mod gotcha;
 mod near;
 mod real;
 mod scenes;
+mod small;
 mod table;
 mod textbook;
 mod tracks;
@@ -92,6 +93,7 @@ impl Radar {
             start_hz: self.start_hz,
             step_hz: self.step_hz,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         let collection = Collection {
             name: "simulated".to_owned(),

@@ -177,6 +177,7 @@ fn echoes(
                 start_hz,
                 step_hz,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             });
             let mut pulse = vec![Complex64::ZERO; samples];
             for &(point_m, amplitude) in points {

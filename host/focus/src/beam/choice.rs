@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::band::beam_of_band;
 use super::{Beam, BeamSource, Demanded, Estimate, EstimateError, blocks, demanded, estimate};
 use crate::FormError;
 use subaperture_model::geometry::ImageGrid;
@@ -27,6 +28,13 @@ pub enum BeamChoice {
     Estimated {
         /// Approximate squint, radians, which selects among the ambiguous ones; `None` for that of [`estimate`].
         near_rad: Option<f64>,
+    },
+    /// The part of the beam within a processed Doppler band. It needs pulse times and an evenly sampled straight track.
+    DopplerBand {
+        /// Full width, hertz at the centre frequency. Azimuth ambiguities are suppressed where it is less than the pulse repetition frequency.
+        width_hz: f64,
+        /// Doppler centroid, hertz, positive for echoes from forward of broadside; `None` for the middle of the stated beam, or else that of [`estimate`].
+        centroid_hz: Option<f64>,
     },
     /// All pulses for all pixels.
     None,
@@ -227,6 +235,17 @@ fn limited(
             ChosenBeam {
                 ambiguity_rad: (!found.decided).then_some(found.ambiguity_rad),
                 ..ChosenBeam::of(found.beam)
+            }
+        }
+        BeamChoice::DopplerBand {
+            width_hz,
+            centroid_hz,
+        } => {
+            let (beam, ambiguity_rad) =
+                beam_of_band(width_hz, centroid_hz, history, grid, monitor)?;
+            ChosenBeam {
+                ambiguity_rad,
+                ..ChosenBeam::of(beam)
             }
         }
         BeamChoice::Stated => match history.stated_beam() {

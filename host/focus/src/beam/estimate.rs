@@ -18,37 +18,30 @@
 //! collection aliases many times and is flat.
 //!
 //! **Doppler centroid.** One frequency determines the centroid modulo one turn. Over frequency the phase of `R_1` has the slope `2 pi nu_0 / f` of the unambiguous centroid (wavelength diversity, Bamler and
-//! Runge 1991). This slope resolves the ambiguity if its standard deviation is less than [`DECIDED`] turns. Otherwise the squint nearest to the expected one is selected among those that illuminate the grid.
+//! Runge 1991). This slope resolves the ambiguity if its standard deviation is less than 0.15 turns. Otherwise the squint nearest to the expected one is selected among those that illuminate the grid.
+//!
+//! **Missing pulses.** Pulses whose samples are all zero, and those absent from an evenly spaced track, are left out: the moments are means over the pairs
+//! of pulses that are there.
 //!
 //! **Neglected.** Angles at which the ends of the strip truncate the scene have less weight: with only a few scatterers near the ends of the track the spectrum does not match
 //! the pattern. Speckle adds variance: the standard deviation over independent segments and frequencies is a few per cent for some thousand
 //! samples.
 
-use num_complex::{Complex32, Complex64};
-
-use super::track::Track;
+use super::moments::{Moments, moments};
+use super::track::{Spacing, Track};
 use super::{Beam, BeamSource};
 use crate::FormError;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
-use subaperture_signal::phase::{phasor, widen};
 
 /// Minimum number of pulses for an estimate.
-const MIN_PULSES: usize = 64;
-/// Relative half-width of the frequency band used for the moments; `nu` varies by the same fraction across it.
-const BAND: f64 = 0.025;
-/// Approximate samples read at a time: 1 MiB.
-const BLOCK_SAMPLES: usize = 1 << 17;
+pub(super) const MIN_PULSES: usize = 64;
 /// Minimum fall of the spectrum of a detected beam, dB.
 const CLEAR_DB: f64 = 5.0;
 /// Ratio of the full half-power width of one antenna to the standard deviation of the two-way power pattern, `4 sqrt(ln 2)`.
 const WIDTH: f64 = 3.330_218_444_630_791;
-/// Largest standard deviation of the unambiguous centroid, turns, that resolves the Doppler ambiguity.
-const DECIDED: f64 = 0.15;
-/// Assumed number of correlated frequency samples per independent one, for scenes that fill a part of the unambiguous range.
-const ALIKE: f64 = 4.0;
 /// Grid points sampled along each axis.
 const SIDE: usize = 5;
 
@@ -131,7 +124,8 @@ pub fn demanded(history: &dyn PhaseHistory, grid: &ImageGrid) -> Option<Demanded
     })
 }
 
-fn any(history: &dyn PhaseHistory) -> Beam {
+/// Some beam, relative to the target of the history.
+pub(super) fn any(history: &dyn PhaseHistory) -> Beam {
     Beam {
         target: history.target().cloned(),
         ..Beam::new(1.0, 0.0, BeamSource::Estimated)
@@ -149,6 +143,33 @@ fn places(grid: &ImageGrid) -> impl Iterator<Item = glam::DVec3> + '_ {
     })
 }
 
+/// Standard deviation of the power spectrum in turns and its fall in dB, if it shows a beam.
+///
+/// # Errors
+/// [`EstimateError::Flat`].
+pub(super) fn shown(moments: &Moments) -> Result<(f64, f64), EstimateError> {
+    let first = moments.first.norm();
+    let rho = libm::cbrt(moments.second.norm() / first).min(1.0);
+    let deviation = (-libm::log(rho) / 2.0).max(0.0).sqrt() / std::f64::consts::PI;
+    // Mean levels per turn of the pattern and the noise floor.
+    let power = first / rho;
+    let floor = (moments.all - power).max(0.0);
+    let level = |off: f64| {
+        let folds = (-8..=8).map(|m| {
+            let x = (off + f64::from(m)) / deviation;
+            libm::exp(-0.5 * x * x)
+        });
+        floor + power * folds.sum::<f64>() / (deviation * std::f64::consts::TAU.sqrt())
+    };
+    let fall_db = 10.0 * libm::log10(level(0.0) / level(0.5));
+    match fall_db >= CLEAR_DB && deviation > 0.0 {
+        true => Ok((deviation, fall_db)),
+        false => Err(EstimateError::Flat {
+            fall_db: if fall_db.is_finite() { fall_db } else { 0.0 },
+        }),
+    }
+}
+
 /// Estimate width and squint of the beam from the azimuth Doppler spectrum. A given `expected_rad` selects the nearest ambiguous squint. Otherwise the squint
 /// resolved by wavelength diversity is used, or else the squint nearest to broadside. Only squints that illuminate the grid are considered.
 ///
@@ -163,45 +184,20 @@ pub fn estimate(
     let collection = history.collection();
     crate::check(collection, grid)?;
     let track = Track::of(collection, &any(history))?;
-    let step_m = track.even_step_m().map_err(EstimateError::NoStrip)?;
+    let Spacing { step_m, numbers } = track.spacing().map_err(EstimateError::NoStrip)?;
     if track.len() < MIN_PULSES {
         return Err(EstimateError::NoStrip(format!(
             "expected at least {MIN_PULSES} pulses, found {}",
             track.len()
         )));
     }
-    let Moments {
-        all,
-        first,
-        second,
-        turns,
-    } = moments(history, monitor)?;
-    let rho = libm::cbrt(second.norm() / first.norm()).min(1.0);
-    let deviation = (-libm::log(rho) / 2.0).max(0.0).sqrt() / std::f64::consts::PI;
-    // Mean levels per turn of the pattern and the noise floor.
-    let power = first.norm() / rho;
-    let floor = (all - power).max(0.0);
-    let level = |off: f64| {
-        let folds = (-8..=8).map(|m| {
-            let x = (off + f64::from(m)) / deviation;
-            libm::exp(-0.5 * x * x)
-        });
-        floor + power * folds.sum::<f64>() / (deviation * std::f64::consts::TAU.sqrt())
-    };
-    let fall_db = 10.0 * libm::log10(level(0.0) / level(0.5));
-    if !(fall_db >= CLEAR_DB && deviation > 0.0) {
-        return Err(EstimateError::Flat {
-            fall_db: if fall_db.is_finite() { fall_db } else { 0.0 },
-        });
-    }
+    let all = 0..track.len();
+    let moments = moments(history, &numbers, std::slice::from_ref(&all), monitor)?;
+    let (deviation, fall_db) = shown(&moments)?;
     let centre_hz = collection.pulses[0].frequency_hz(collection.num_samples / 2);
     let ambiguity = SPEED_OF_LIGHT_M_S / (2.0 * centre_hz * step_m);
-    let centre = angle(first) / std::f64::consts::TAU;
-    // The unambiguous centroid must agree with the aliased centroid within a few hundredths of a turn.
-    let decided = turns.filter(|&[turns, deviation]| {
-        let fraction = turns - centre - (turns - centre).round();
-        deviation < DECIDED && fraction.abs() < 2.0 * DECIDED
-    });
+    let centre = moments.centre();
+    let decided = moments.decided();
     let expected = match (expected_rad, decided) {
         (Some(expected_rad), _) => libm::sin(expected_rad),
         (None, Some([turns, _])) => turns * ambiguity,
@@ -241,94 +237,4 @@ pub fn estimate(
     Err(EstimateError::NoStrip(
         "the grid is outside the beam at every squint that the Doppler centroid allows".to_owned(),
     ))
-}
-
-/// Circular moments of the azimuth spectrum (autocorrelation over pulses).
-struct Moments {
-    all: f64,
-    first: Complex64,
-    second: Complex64,
-    /// Unambiguous centroid at the centre frequency, turns per pulse, from the phase slope of the first moment over frequency, and its standard deviation.
-    turns: Option<[f64; 2]>,
-}
-
-fn moments(history: &dyn PhaseHistory, monitor: &dyn Monitor) -> Result<Moments, FormError> {
-    let collection = history.collection();
-    let (count, width) = (collection.pulses.len(), collection.num_samples);
-    let pulse = &collection.pulses[0];
-    let centre_hz = pulse.frequency_hz(width / 2);
-    let off: Vec<f64> = (0..width)
-        .map(|k| pulse.frequency_hz(k) / centre_hz - 1.0)
-        .collect();
-    // Moments per frequency: power, lag one, lag two.
-    let mut sums = vec![(0.0, Complex64::ZERO, Complex64::ZERO); width];
-    // Samples of the two preceding pulses.
-    let mut before = [(); 2].map(|()| vec![Complex64::ZERO; width]);
-    let block = (BLOCK_SAMPLES / width.max(1)).clamp(1, count);
-    let mut rows = vec![Complex32::ZERO; block * width];
-    for from in (0..count).step_by(block) {
-        if monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        let pulses = from..(from + block).min(count);
-        let rows = &mut rows[..pulses.len() * width];
-        history.read(pulses.clone(), rows)?;
-        for (pulse, row) in collection.pulses[pulses]
-            .iter()
-            .zip(rows.chunks_exact(width))
-        {
-            let [last, last_but_one] = &mut before;
-            for (k, sum) in sums.iter_mut().enumerate() {
-                let turns = pulse.frequency_hz(k) * pulse.reference_path_m / SPEED_OF_LIGHT_M_S;
-                let value = widen(row[k]) * phasor(-turns);
-                sum.0 += value.norm_sqr();
-                sum.1 += value * last[k].conj();
-                sum.2 += value * last_but_one[k].conj();
-                (last_but_one[k], last[k]) = (last[k], value);
-            }
-        }
-    }
-    let near = || {
-        sums.iter()
-            .zip(&off)
-            .filter(|(_, off)| off.abs() <= BAND)
-            .map(|(sum, _)| sum)
-    };
-    let first: Complex64 = near().map(|sum| sum.1).sum();
-    let by_frequency = sums.iter().zip(&off).map(|(sum, &off)| {
-        let turned = sum.1 * first.conj();
-        [off, angle(turned), sum.1.norm()]
-    });
-    Ok(Moments {
-        all: near().map(|sum| sum.0).sum(),
-        first,
-        second: near().map(|sum| sum.2).sum(),
-        turns: slope(&by_frequency.collect::<Vec<_>>()),
-    })
-}
-
-/// Slope of phase (radians) over position in turns, and its standard deviation. Each point is (position, phase, weight).
-fn slope(points: &[[f64; 3]]) -> Option<[f64; 2]> {
-    let weights: f64 = points.iter().map(|[.., w]| w).sum();
-    let mean = |i: usize| points.iter().map(|p| p[i] * p[2]).sum::<f64>() / weights;
-    let [at, phase_rad] = [mean(0), mean(1)];
-    let moment = |f: &dyn Fn(f64, f64) -> f64| {
-        points
-            .iter()
-            .map(|p| p[2] * f(p[0] - at, p[1] - phase_rad))
-            .sum::<f64>()
-            / weights
-    };
-    let spread = moment(&|x, _| x * x);
-    let slope = moment(&|x, y| x * y) / spread;
-    let left = moment(&|x, y| (y - slope * x).powi(2));
-    let independent = points.len() as f64 / ALIKE - 2.0;
-    let deviation = (left / (spread * independent)).sqrt();
-    let turns = [slope, deviation].map(|rad| rad / std::f64::consts::TAU);
-    (independent > 0.0 && turns.iter().all(|x| x.is_finite())).then_some(turns)
-}
-
-/// Angle of `z`, radians: the same on every platform.
-fn angle(z: Complex64) -> f64 {
-    libm::atan2(z.im, z.re)
 }

@@ -1,9 +1,6 @@
 //! Image tiles formed block by block, each block from its own pulses.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use num_complex::Complex32;
 
 use super::choices::{Choices, Part};
 use crate::patch::Rectangle;
@@ -12,17 +9,12 @@ use subaperture_model::image::copy_common;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{BlockIllumination, PulseRange};
 
-/// Approximate samples read at a time for the reference sum: 1 MiB.
-const BLOCK_SAMPLES: usize = 1 << 17;
-
 /// Former opened for each block of a grid.
 pub(super) struct InBlocks<'a> {
     former: Arc<dyn ImageFormer>,
     spec: ImageSpec<'a>,
     illumination: Arc<BlockIllumination>,
     choices: Choices,
-    /// Whether all pulses have been read once in ascending order.
-    read: AtomicBool,
 }
 
 impl<'a> InBlocks<'a> {
@@ -37,38 +29,9 @@ impl<'a> InBlocks<'a> {
             spec,
             illumination,
             choices,
-            read: AtomicBool::new(false),
         }
     }
 
-    /// Read all pulses once in ascending order. The comparison with the exact sum adds pulses as they are read, whereas blocks read
-    /// their pulses in another order.
-    fn read_all(&self, work: &Work) -> Result<(), FormError> {
-        if self.read.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-        let (count, width) = (
-            self.spec.collection.pulses.len(),
-            self.spec.collection.num_samples,
-        );
-        let block = (BLOCK_SAMPLES / width.max(1)).clamp(1, count.max(1));
-        let mut held = Vec::new();
-        for first in (0..count).step_by(block) {
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            let pulses = first..(first + block).min(count);
-            if work.history.samples_in_memory(pulses.clone()).is_none() {
-                held.resize(pulses.len() * width, Complex32::ZERO);
-                work.history.read(pulses, &mut held)?;
-            }
-        }
-        self.read.store(true, Ordering::Relaxed);
-        Ok(())
-    }
-}
-
-impl InBlocks<'_> {
     /// Blocks that contain pixels of the given rectangles.
     fn blocks(&self, places: &[Rectangle]) -> Vec<usize> {
         (0..self.illumination.num_blocks())
@@ -82,11 +45,12 @@ impl InBlocks<'_> {
 }
 
 impl Forming for InBlocks<'_> {
+    fn reads_all_pulses(&self) -> bool {
+        false
+    }
+
     fn pulses_read(&self, work: &Work, places: &[Rectangle]) -> Result<u64, FormError> {
-        let mut count = match self.read.load(Ordering::Relaxed) {
-            true => 0,
-            false => self.spec.collection.pulses.len() as u64,
-        };
+        let mut count = 0;
         for block in self.blocks(places) {
             let Some(choices) = self.choices.get(block) else {
                 continue;
@@ -104,7 +68,6 @@ impl Forming for InBlocks<'_> {
     }
 
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        self.read_all(work)?;
         let places: Vec<Rectangle> = tiles.iter().map(|tile| tile.place).collect();
         let blocks = self.blocks(&places);
         for (done, &block) in blocks.iter().enumerate() {

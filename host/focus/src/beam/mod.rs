@@ -25,13 +25,17 @@
 //! as one block.
 //!
 //! **Errors.** Each block, and so the image, meets the error bound of the former against its own reference sum. A track with two passes over a point
-//! is refused. **Cost.** The cost of the former for each block with its own pulses, plus one more pass over all pulses for the reference sum.
+//! is refused. **Cost.** The cost of the former for each block with its own pulses, plus one more pass over all pulses for the reference sum. A process
+//! that forms some of the tiles reads the pulses of their blocks only; the pass is left to the process that finds all tiles.
 
+mod band;
 mod blocks;
+mod centroid;
 mod choice;
 mod choices;
 mod estimate;
 mod forming;
+mod moments;
 mod track;
 
 use std::sync::Arc;
@@ -40,7 +44,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use crate::former_choices::FormerChoices;
-use crate::{Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
+use crate::{Decision, ErrorGoal, FormError, Forming, GridPoints, ImageFormer, ImageSpec};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{
@@ -48,6 +52,7 @@ use subaperture_model::phase_history::{
 };
 use subaperture_signal::window::Window;
 
+pub use centroid::{DopplerCentroid, doppler_centroid};
 pub use choice::{BeamChoice, BeamWarning, ChosenBeam, Ghosts, Rejected, choose};
 pub use estimate::{Demanded, Estimate, EstimateError, demanded, estimate};
 pub use subaperture_model::phase_history::{Aim, Beam, BeamSource, NoBeam};
@@ -105,6 +110,10 @@ impl ImageFormer for InBeam {
 
     fn follows_relief(&self) -> bool {
         self.former.follows_relief()
+    }
+
+    fn grid_points(&self) -> GridPoints {
+        self.former.grid_points()
     }
 
     fn beam(&self) -> Option<Beam> {

@@ -15,9 +15,21 @@ const COARSE: usize = 2048;
 /// Largest interruption of a pass, as a fraction of the pulses: noise of positions and attitudes at the edge of the beam. Headings are averaged over as many.
 const INTERRUPTION: usize = 64;
 
-/// Largest heading change, radians, and largest relative step deviation for a Doppler spectrum of the whole track. Larger values smear the spectrum.
+/// Largest heading change, radians, and largest deviation of a step from a multiple of the spacing, relative to it, for a Doppler spectrum of the
+/// whole track. Larger values smear the spectrum.
 const MAX_TURN_RAD: f64 = 0.035;
 const MAX_UNEVEN: f64 = 0.1;
+
+/// Largest ratio of the number of evenly spaced positions to the number of pulses: half of them may be missing.
+const MAX_MISSING: f64 = 2.0;
+
+/// Even spacing of a track. Pulses may be missing.
+pub(super) struct Spacing {
+    /// Distance between neighbouring positions, metres.
+    pub(super) step_m: f64,
+    /// Position of each pulse, in steps from the first.
+    pub(super) numbers: Vec<usize>,
+}
 
 /// Antenna track relative to the moving target.
 pub(super) struct Track<'a> {
@@ -96,8 +108,16 @@ impl<'a> Track<'a> {
     /// Mean pulse spacing, metres, of a straight track with even spacing.
     ///
     /// # Errors
-    /// Message that names the violated condition.
+    /// As [`Self::spacing`].
     pub(super) fn even_step_m(&self) -> Result<f64, String> {
+        self.spacing().map(|spacing| spacing.step_m)
+    }
+
+    /// Spacing of a straight track. Pulses may be missing: a step may be a multiple of the spacing.
+    ///
+    /// # Errors
+    /// Message that names the violated condition.
+    pub(super) fn spacing(&self) -> Result<Spacing, String> {
         let mean: DVec3 = self.headings.iter().sum();
         let least = self
             .headings
@@ -110,17 +130,34 @@ impl<'a> Track<'a> {
                 most_rad.to_degrees()
             ));
         }
-        let count = self.steps_m.len().max(1) as f64;
-        let mean_m = self.steps_m.iter().sum::<f64>() / count;
-        let uneven = self.steps_m.iter().map(|step| (step / mean_m - 1.0).abs());
-        let most = uneven.fold(0.0, f64::max);
-        match most <= MAX_UNEVEN {
-            true => Ok(mean_m),
-            false => Err(format!(
-                "pulse spacing differs from its mean by up to {:.0} %; the Doppler spectrum needs even spacing",
-                100.0 * most
-            )),
+        let mut sorted = self.steps_m.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median_m = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let mut last = 0.0;
+        let mut multiples = Vec::with_capacity(self.steps_m.len());
+        let mut numbers = vec![0];
+        for step_m in &self.steps_m {
+            let multiple = (step_m / median_m).round().max(1.0);
+            last += multiple;
+            multiples.push(multiple);
+            numbers.push(last as usize);
         }
+        let count = self.steps_m.len().max(1) as f64;
+        let mean_m = self.steps_m.iter().sum::<f64>() / last.max(1.0);
+        let uneven = (self.steps_m.iter().zip(&multiples))
+            .map(|(step_m, multiple)| (step_m / mean_m - multiple).abs());
+        let most = uneven.fold(0.0, f64::max);
+        if !(most <= MAX_UNEVEN && last <= MAX_MISSING * count) {
+            return Err(format!(
+                "pulse spacing differs from a multiple of its mean by up to {:.0} % of it, and {:.0} % of evenly spaced pulses are missing; the Doppler spectrum needs even spacing",
+                100.0 * most,
+                100.0 * (1.0 - count / last.max(1.0))
+            ));
+        }
+        Ok(Spacing {
+            step_m: mean_m,
+            numbers,
+        })
     }
 
     /// Smallest distance from a point to a pulse's antenna position, metres.

@@ -10,6 +10,8 @@
 //! so that a unit scatterer reads 1 after every pulse. There is no slow-time window, since its weights would require knowledge of the
 //! end of the aperture. Use a former on recorded pulses for a windowed image.
 //!
+//! A pixel is zero as long as its delay lies outside the recorded delays of one of the pulses, as in every image.
+//!
 //! **The last `M` pulses** ([`Settings::last_pulses`]). The contribution of the pulse that leaves the aperture is computed again, bit-identical,
 //! and subtracted. Float64 rounding of additions and subtractions would accumulate; a second set of sums therefore
 //! starts at zero, receives every new pulse as well, and replaces the first set once it has `M` pulses. The sums shown have
@@ -27,8 +29,8 @@
 //! sample each); twice that with `last_pulses`. Intra-pulse motion costs as much as in `bp`.
 //! Reading the image takes one division per pixel.
 //!
-//! **Memory**, allocated at the start: 24 bytes per pixel, or 48 with `last_pulses` plus 8 per sample of `M`
-//! pulses and 240 per pulse; during a push, also the profiles of one pulse.
+//! **Memory**, allocated at the start: 28 bytes per pixel, or 56 with `last_pulses` plus 8 per sample of `M`
+//! pulses and 264 per pulse; during a push, also the profiles of one pulse.
 //!
 //! **Accuracy** is that of `bp`, whose upsampling keeps the requested bound: the error of each pulse is planned on arrival, and
 //! that of the image is at most the root of their mean square. [`Live::accuracy`] compares the image with the exact sum at 64 of its
@@ -45,11 +47,12 @@ use rayon::prelude::*;
 use super::accuracy::judge;
 use super::bp::Backprojection;
 use super::compared::Planned;
+use super::coverage::Coverage;
 use super::exact::{LANES, add_pulse};
 use super::sampled::{ComparedPixel, sampled_pixels};
 use super::{
-    BoundPolicy, ErrorGoal, FormError, ImageFormer, ImageSpec, Judgement, SCRATCH_BYTES,
-    TileRecord, Work, rounding,
+    BoundPolicy, ErrorGoal, FormError, GridPoints, ImageFormer, ImageSpec, Judgement,
+    SCRATCH_BYTES, TileRecord, Work, rounding,
 };
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
@@ -60,8 +63,8 @@ use subaperture_signal::phase::narrow;
 pub use settings::{LiveError, Settings};
 use sums::{Aperture, Part, Ring, Sums};
 
-/// Memory per pixel, bytes: sums, and the contribution of one pulse.
-const PIXEL_BYTES: u64 = 16 + 8;
+/// Memory per pixel, bytes: sums with the number of pulses that do not cover it, and the contribution of one pulse.
+const PIXEL_BYTES: u64 = 16 + 4 + 8;
 
 /// Image to which pulses are added one at a time; see the example `live` of `subaperture`.
 pub struct Live {
@@ -221,12 +224,13 @@ impl Live {
 
     /// Image of the current pulses, rows and columns as the grid's; a unit scatterer on a pixel reads 1. Zeros before the first pulse.
     pub fn image(&self) -> Image {
-        let norm = self.norm();
-        let pixels = self.shown.pixels.par_iter().with_min_len(1 << 12);
+        let pixels = (0..self.shown.pixels.len()).into_par_iter();
         Image {
             rows: self.grid.rows.count,
             columns: self.grid.columns.count,
-            pixels: pixels.map(|sum| narrow(sum * norm)).collect(),
+            pixels: (pixels.with_min_len(1 << 12))
+                .map(|i| self.pixel(i))
+                .collect(),
         }
     }
 
@@ -247,10 +251,13 @@ impl Live {
         let spec = ImageSpec::new(&collection, &self.grid, &self.weights);
         let norm = self.norm();
         let fast: f64 = self.weights.fast.iter().sum();
-        let pixel = |pixel: usize| narrow(self.shown.pixels[pixel] * norm);
         let seen = self.sampled.iter().zip(&self.shown.exact);
         let seen = seen.map(|(&i, &sum)| {
-            let (formed, exact) = (pixel(i), sum * (norm / fast));
+            let exact = match self.shown.covers(i) {
+                true => sum * (norm / fast),
+                false => Complex64::ZERO,
+            };
+            let formed = self.pixel(i);
             ComparedPixel {
                 pixel: i,
                 formed: [formed.re, formed.im],
@@ -259,13 +266,16 @@ impl Live {
             }
         });
         let record = TileRecord {
-            power: (0..self.shown.pixels.len()).map(|i| power(pixel(i))).sum(),
+            power: (0..self.shown.pixels.len())
+                .map(|i| power(self.pixel(i)))
+                .sum(),
             seen: seen.collect(),
             terms: self.shown.terms * (norm / fast).powi(2),
             recorded: Default::default(),
             narrow: false,
             // Pulses are not stored, so a second comparison is impossible.
             drawn: Default::default(),
+            pending: false,
         };
         // Differences of squares may be negative by rounding; pixels are rounded once more.
         let planned = (self.shown.planned * norm).max(0.0).sqrt();
@@ -283,6 +293,14 @@ impl Live {
     pub fn pixels_a_push(&self) -> u64 {
         let times = 1 + u64::from(self.aperture.is_some());
         times * self.grid.num_pixels()
+    }
+
+    /// Value of a pixel by its number in the grid; zero where a pulse does not cover it.
+    fn pixel(&self, i: usize) -> Complex32 {
+        match self.shown.covers(i) {
+            true => narrow(self.shown.pixels[i] * self.norm()),
+            false => Complex32::ZERO,
+        }
     }
 
     fn norm(&self) -> f64 {
@@ -350,6 +368,8 @@ impl Bench<'_> {
         let tiles = std::slice::from_mut(&mut part.tile);
         former.open(spec, &decision.choices)?.form(&work, tiles)?;
         part.tile.check_finite(self.grid)?;
+        let coverage = Coverage::new(spec, GridPoints::Positions);
+        coverage.fill(&mut part.tile, Complex32::new(f32::NAN, f32::NAN));
         part.planned = 10f64.powf(decision.planned_db / 10.0);
         let weighted = samples.iter().zip(&self.weights.fast);
         part.terms = weighted.map(|(&z, w)| w * w * power(z)).sum();

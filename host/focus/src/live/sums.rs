@@ -10,6 +10,8 @@ use subaperture_model::phase_history::Pulse;
 /// Sums over pulses, and their number.
 pub(super) struct Sums {
     pub(super) pixels: Vec<Complex64>,
+    /// By pixel, the number of pulses whose recorded delays do not cover it.
+    num_uncovering: Vec<u32>,
     /// Exact sum at the compared pixels.
     pub(super) exact: Vec<Complex64>,
     /// Sum of squared weighted samples.
@@ -23,6 +25,7 @@ impl Sums {
     pub(super) fn new(num_pixels: usize, num_sampled: usize) -> Self {
         Self {
             pixels: vec![Complex64::ZERO; num_pixels],
+            num_uncovering: vec![0; num_pixels],
             exact: vec![Complex64::ZERO; num_sampled],
             terms: 0.0,
             planned: 0.0,
@@ -32,15 +35,21 @@ impl Sums {
 
     pub(super) fn clear(&mut self) {
         self.pixels.fill(Complex64::ZERO);
+        self.num_uncovering.fill(0);
         self.exact.fill(Complex64::ZERO);
         (self.terms, self.planned, self.count) = (0.0, 0.0, 0);
     }
 
     /// Add the contribution of a pulse, or subtract it where `sign` is -1.
     pub(super) fn add(&mut self, sign: f64, part: &Part) {
-        let both = self.pixels.par_iter_mut().zip(&part.tile.pixels);
-        both.with_min_len(1 << 12).for_each(|(sum, z)| {
-            *sum += Complex64::new(z.re.into(), z.im.into()) * sign;
+        let sums = self.pixels.par_iter_mut().zip(&mut self.num_uncovering);
+        let both = sums.zip(&part.tile.pixels);
+        both.with_min_len(1 << 12).for_each(|((sum, num), z)| {
+            if z.is_nan() {
+                *num = num.saturating_add_signed(sign as i32);
+            } else {
+                *sum += Complex64::new(z.re.into(), z.im.into()) * sign;
+            }
         });
         let both = self.exact.iter_mut().zip(&part.exact);
         both.for_each(|(sum, value)| *sum += value * sign);
@@ -48,10 +57,16 @@ impl Sums {
         self.planned += part.planned * sign;
         self.count = self.count.saturating_add_signed(sign as isize);
     }
+
+    /// Whether every pulse covers a pixel.
+    pub(super) fn covers(&self, pixel: usize) -> bool {
+        self.num_uncovering[pixel] == 0
+    }
 }
 
 /// Contribution of one pulse to [`Sums`].
 pub(super) struct Part {
+    /// Pixels; NaN where the recorded delays of the pulse do not cover them.
     pub(super) tile: Tile,
     pub(super) exact: Vec<Complex64>,
     pub(super) terms: f64,

@@ -9,7 +9,7 @@ fn held_memory_is_constant() {
     let mut live = Live::new(&grid, 16, &settings).unwrap();
     let allocated = |live: &Live| {
         let aperture = live.aperture.as_ref().unwrap();
-        let sums = [&live.shown, &aperture.next].map(|sums| 16 * sums.pixels.capacity());
+        let sums = [&live.shown, &aperture.next].map(|sums| (16 + 4) * sums.pixels.capacity());
         let parts = [&live.part, &aperture.falling_out];
         let parts = parts.map(|part| 8 * part.tile.pixels.capacity());
         let ring = 8 * aperture.ring.samples.capacity()
@@ -30,6 +30,7 @@ fn held_memory_is_constant() {
             start_hz: 1e9,
             step_hz: 5e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         live.push(&pulse, &[Complex32::ONE; 16]).unwrap();
         assert_eq!(allocated(&live), live.held_bytes(), "{n}");

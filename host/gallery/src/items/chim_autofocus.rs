@@ -264,6 +264,7 @@ fn collection(places_m: &[DVec3]) -> Collection {
         start_hz: 77e9,
         step_hz: 3e9 / 256.0,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     };
     Collection {
         name: "room".to_owned(),

@@ -202,6 +202,7 @@ fn memory(context: &Context) -> Result<Finding, ItemError> {
             thesis_sub_cpi: 31,
             beamwidth_rad: None,
             power: None,
+            chain: None,
         },
     )
     .map_err(|error| ItemError::Measure(error.to_string()))?;
@@ -291,6 +292,7 @@ fn straight_pass(frequencies: usize, pulses: usize) -> Collection {
             start_hz: 9.6e9 - bandwidth_hz / 2.0,
             step_hz,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         }
     };
     Collection {

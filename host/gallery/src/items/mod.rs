@@ -20,6 +20,9 @@ mod chim_strip;
 mod cost;
 mod difference;
 mod forming;
+mod gmti;
+mod gmti_scene;
+mod gmti_sub_cpis;
 mod large_scene;
 mod long_sub_cpis;
 mod measure;
@@ -41,6 +44,8 @@ pub fn items() -> Vec<Item> {
         &long_sub_cpis::ITEMS,
         &moving::ITEMS,
         &cost::ITEMS,
+        &gmti::ITEMS,
+        &gmti_sub_cpis::ITEMS,
         &chim_ambiguity::ITEMS,
         &chim_residual_phase::ITEMS,
         &chim_range_doppler::ITEMS,

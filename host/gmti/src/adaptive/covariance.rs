@@ -133,8 +133,7 @@ impl Covariance {
     }
 
     fn mean_diagonal(&self) -> f64 {
-        let diagonal = (0..self.degrees_of_freedom).map(|i| self.lower[triangle(i) + i].re);
-        diagonal.sum::<f64>() / self.degrees_of_freedom as f64
+        self.diagonal().sum::<f64>() / self.degrees_of_freedom as f64
     }
 }
 
@@ -156,17 +155,24 @@ fn checked(level: f64) -> Result<f64, AdaptiveError> {
 }
 
 impl Covariance {
-    /// Add the snapshots of another sum.
-    pub(crate) fn add_sum(&mut self, other: &Self) {
-        self.snapshots += other.snapshots;
-        let pairs = self.lower.iter_mut().zip(&other.lower);
-        pairs.for_each(|(sum, value)| *sum += value);
+    /// Replace the sum by one of `snapshots` snapshots with these `N^2` real elements: row by row of the lower triangle, real and imaginary part of each
+    /// element before the diagonal, then the diagonal.
+    pub(crate) fn set(&mut self, snapshots: usize, mut elements: impl Iterator<Item = f64>) {
+        let mut next = || elements.next().expect("a matrix has N^2 real elements");
+        self.snapshots = snapshots;
+        let mut lower = self.lower.iter_mut();
+        for i in 0..self.degrees_of_freedom {
+            for (j, element) in lower.by_ref().take(i + 1).enumerate() {
+                *element = match j == i {
+                    true => next().into(),
+                    false => Complex64::new(next(), next()),
+                };
+            }
+        }
     }
 
-    /// Subtract the snapshots of another sum, each of them added before.
-    pub(crate) fn subtract_sum(&mut self, other: &Self) {
-        self.snapshots -= other.snapshots;
-        let pairs = self.lower.iter_mut().zip(&other.lower);
-        pairs.for_each(|(sum, value)| *sum -= value);
+    /// Diagonal of the sum, element by element.
+    pub(super) fn diagonal(&self) -> impl Iterator<Item = f64> {
+        (0..self.degrees_of_freedom).map(|i| self.lower[triangle(i) + i].re)
     }
 }

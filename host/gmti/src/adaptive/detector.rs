@@ -107,6 +107,11 @@ impl Detector {
         trained
     }
 
+    /// Least ratio of a pivot to its diagonal element in the factor of `covariance`, to which the detector was trained.
+    pub(crate) fn least_pivot(&self, covariance: &Covariance) -> f64 {
+        self.whitener.least_pivot(covariance.diagonal())
+    }
+
     /// Energy `x^H S^-1 x` of a cell of `N` elements, at least its AMF for any steering vector. No allocation.
     ///
     /// # Panics

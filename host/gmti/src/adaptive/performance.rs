@@ -148,23 +148,49 @@ impl Performance {
         expectation(self.degrees_of_freedom, self.snapshots, function)
     }
 
-    /// Scale of `least` or more with this false-alarm probability, by bisection between powers of two times `least`.
+    /// Scale of `least` or more with this false-alarm probability, between powers of two times `least`, by the Illinois method on the logarithm of the
+    /// probability, which is nearly linear.
     fn solve(&self, probability: f64, least: f64) -> f64 {
-        let mut high = 2.0 * least;
-        while self.exceedance(high) > probability {
-            high *= 2.0;
+        let excess = |scale: f64| libm::log(self.exceedance(scale) / probability);
+        let mut high = (2.0 * least, excess(2.0 * least));
+        let mut low = high;
+        while high.1 > 0.0 {
+            low = high;
+            high = (2.0 * high.0, excess(2.0 * high.0));
         }
-        let mut low = 0.5 * high;
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            match self.exceedance(middle) > probability {
-                true => low = middle,
-                false => high = middle,
+        if low.0 == high.0 {
+            low = (0.5 * high.0, excess(0.5 * high.0));
+        }
+        let mut last_was_high = None;
+        for _ in 0..MAX_STEPS {
+            let middle = match low.1.is_finite() && high.1.is_finite() {
+                true => low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1),
+                false => 0.5 * (low.0 + high.0),
+            };
+            let there = (middle, excess(middle));
+            if there.1.abs() <= SOLVED || middle <= low.0 || middle >= high.0 {
+                return middle;
             }
+            let is_high = there.1 <= 0.0;
+            // The other end is weighted down if it stays.
+            let weight = if last_was_high == Some(is_high) {
+                0.5
+            } else {
+                1.0
+            };
+            match is_high {
+                true => (high, low.1) = (there, weight * low.1),
+                false => (low, high.1) = (there, weight * high.1),
+            }
+            last_was_high = Some(is_high);
         }
-        high
+        high.0
     }
 }
+
+/// Relative error of the probability of a solved scale, and the largest number of steps to it.
+const SOLVED: f64 = 1e-12;
+const MAX_STEPS: usize = 100;
 
 /// Threshold as a scale of the Gamma variable.
 enum Odds {

@@ -53,6 +53,13 @@ impl Whitener {
         self.size
     }
 
+    /// Least ratio of a pivot to its element of the `diagonal` that was factorised.
+    pub(super) fn least_pivot(&self, diagonal: impl Iterator<Item = f64>) -> f64 {
+        let ratios = self.inverse.iter().zip(diagonal);
+        let ratios = ratios.map(|(inverse, element)| 1.0 / (inverse * inverse * element));
+        ratios.fold(f64::INFINITY, f64::min)
+    }
+
     /// Replace the factor by that of a matrix given by its lower triangle, with `added` on its diagonal.
     pub(super) fn factor(&mut self, matrix: &[Complex64], added: f64) -> Result<(), AdaptiveError> {
         for i in 0..self.size {

@@ -42,6 +42,12 @@ impl Curvatures {
 }
 
 impl SpaceTime {
+    /// SNR of a candidate in all sub-CPIs: its energy beyond the mean of clutter and noise.
+    pub(super) fn excess(&self, candidate: &Candidate) -> f64 {
+        let mean = self.cube.sub_cpis.len() * self.tiles.degrees_of_freedom();
+        f64::from(candidate.energy) - mean as f64
+    }
+
     /// Curvatures of the search.
     pub(super) fn curvatures(&self) -> Curvatures {
         let sub_cpi_m = self.section_m() / self.cube.sub_cpis.len() as f64;
@@ -136,15 +142,19 @@ impl SpaceTime {
             .collect();
         candidates.sort_by(|a, b| b.energy.total_cmp(&a.energy));
         // Weaker ones are left to the next pass.
-        let excess = |candidate: &Candidate| f64::from(candidate.energy) - mean;
-        let least = GROUP / 2.0 * candidates.first().map_or(0.0, excess);
-        candidates.retain(|candidate| excess(candidate) >= least);
+        let least = GROUP / 2.0 * candidates.first().map_or(0.0, |first| self.excess(first));
+        candidates.retain(|candidate| self.excess(candidate) >= least);
         candidates.truncate(MAX_CANDIDATES);
         candidates
     }
 
-    /// Best Doppler and curvature of a candidate by the coherent sum for each radial velocity, the best first.
-    pub(super) fn focused(&self, candidate: &Candidate, curvatures: &Curvatures) -> Vec<State> {
+    /// Best Doppler and curvature of a candidate by the coherent sum for each radial velocity, the best first: at places within the grid, or outside.
+    pub(super) fn focused(
+        &self,
+        candidate: &Candidate,
+        curvatures: &Curvatures,
+        inside: bool,
+    ) -> Vec<State> {
         let count = self.cube.sub_cpis.len();
         let curvature = curvatures.at(candidate.curvature);
         let [doppler, range] = candidate.cell.map(|bin| bin as f64);
@@ -197,7 +207,7 @@ impl SpaceTime {
             let Some(motion) = self.motion(&state) else {
                 continue;
             };
-            if !self.contains(motion.position_m) {
+            if self.contains(motion.position_m) != inside {
                 continue;
             }
             let mut gain = 0.0;

@@ -13,9 +13,14 @@ use super::cube::{Cube, OVERSAMPLING};
 use super::geometry::{Motion, Place, SubCpiGeometry};
 use super::settings::Settings;
 use super::statistic::{Integrated, Scratch, Snapshot, Term};
-use super::training::{Tile, Tiles};
+use super::training::{SPACING, Tile, Tiles};
+use crate::adaptive::widen;
 use crate::alignment::Alignment;
 use crate::error::GmtiError;
+
+/// Cells on each side of a cell of one channel that are not averaged, and those beyond that are.
+const GUARD_CELLS: usize = 3;
+const RANGE_CELLS: usize = 16;
 
 /// Value of a hypothesis in one sub-CPI.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +40,8 @@ pub(super) struct Local<'a> {
     pub(super) tiles: Vec<Option<&'a Tile>>,
     /// Echo that was removed from the samples and is added again.
     pub(super) echo: Option<&'a Echo>,
+    /// Whether the place lies within the grid.
+    pub(super) inside: bool,
 }
 
 /// Range-Doppler maps of all sub-CPIs and channels with their covariances.
@@ -166,6 +173,71 @@ impl SpaceTime {
             gain: term.gain,
             snapshots: tile.snapshots,
         })
+    }
+
+    /// The same maps with another number of adjacent Doppler bins.
+    pub(crate) fn with_bins(self, bins: usize) -> Self {
+        let settings = Settings {
+            bins,
+            ..self.settings
+        };
+        let tiles = Tiles::new(&self.cube, &settings);
+        Self {
+            full_gain: full_gain(&self.cube, &tiles),
+            tiles,
+            settings,
+            ..self
+        }
+    }
+
+    /// Value of a target in one sub-CPI of the first channel alone, relative to the mean power of the cells of its Doppler on both sides in range (cell-averaging CFAR): detection of targets outside
+    /// of the clutter's Doppler band (exo-clutter). `None` outside of the maps, or with fewer than two cells within the ranges of the grid.
+    pub fn in_first_channel(
+        &self,
+        sub_cpi: usize,
+        position_m: impl Fn(f64) -> DVec3,
+    ) -> Option<Filtered> {
+        let mut place = Place::default();
+        self.cube.sub_cpis[sub_cpi].place(&position_m, &mut place);
+        let value = |range: f64| {
+            let mut value = [Complex32::ZERO];
+            let bins = [self.cube.bins(&place)[0], range];
+            let inside = self.cube.interpolate(sub_cpi, bins, &mut value);
+            inside.then(|| widen(value[0]))
+        };
+        let own = self.cube.bins(&place)[1];
+        let [nearest, farthest] = self.ranges(sub_cpi);
+        let cells = (1..=RANGE_CELLS).flat_map(|i| {
+            let apart = ((GUARD_CELLS + i) * SPACING) as f64;
+            [own - apart, own + apart]
+        });
+        let cells = cells.filter(|range| (nearest..=farthest).contains(range));
+        let powers: Vec<f64> = cells.filter_map(value).map(|z| z.norm_sqr()).collect();
+        let steering = self.steering(sub_cpi, &position_m, &place, place.path_m())[0];
+        let mean = powers.iter().sum::<f64>() / powers.len() as f64;
+        let output = steering.conj() * value(own)? / mean;
+        (powers.len() >= 2).then(|| Filtered {
+            output,
+            gain: steering.norm_sqr() / mean,
+            snapshots: powers.len(),
+        })
+    }
+
+    /// Range bins of the nearest and farthest corner of the grid in a sub-CPI.
+    fn ranges(&self, sub_cpi: usize) -> [f64; 2] {
+        let mut place = Place::default();
+        let ends = [&self.grid.rows, &self.grid.columns].map(|axis| axis.count - 1);
+        let corners = [[0, 0], [0, ends[1]], [ends[0], 0], ends];
+        let mut bin = |[row, column]: [usize; 2]| {
+            let corner_m = self.grid.position_m(row, column);
+            self.cube.sub_cpis[sub_cpi].place(|_| corner_m, &mut place);
+            self.cube.bins(&place)[1]
+        };
+        let bins = corners.map(&mut bin);
+        [
+            bins.into_iter().fold(f64::MAX, f64::min),
+            bins.into_iter().fold(f64::MIN, f64::max),
+        ]
     }
 
     pub(super) fn wavelength_m(&self) -> f64 {

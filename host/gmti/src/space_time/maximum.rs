@@ -8,6 +8,7 @@ use super::geometry::{Motion, Place};
 use super::maps::{Local, SpaceTime};
 use super::state::{FINE, State};
 use super::statistic::{Integrated, Snapshot};
+use crate::motion::axes;
 
 /// Standard deviation of the path of a target by the errors of the maps, resolution cells.
 const PATH_DEVIATION: f64 = 0.003;
@@ -70,12 +71,12 @@ impl Curve {
 }
 
 impl SpaceTime {
-    /// Statistic of a state. `None` beyond the largest speed, outside of the grid, and at blind velocities, where the amplitude of a target is unknown.
+    /// Statistic of a state. `None` beyond the largest speed, at places that are not on the side of the grid's edge stated by `local`, and at blind velocities, where the amplitude of a target is unknown.
     fn statistic(&self, state: &State, local: &Local) -> Option<Integrated> {
         let most = self.settings.max_speed_m_s;
-        let slow = state.radial_m_s.abs() <= most && state.cross_m_s.abs() <= most;
+        let slow = state.radial_m_s.abs() <= most && state.cross_m_s.abs() <= self.max_cross_m_s();
         let motion = slow.then(|| self.motion(state))??;
-        if !self.contains(motion.position_m) {
+        if self.contains(motion.position_m) != local.inside {
             return None;
         }
         let integrated = self.integrate_with(&motion, local);
@@ -160,7 +161,11 @@ impl SpaceTime {
             Snapshot::tile(&self.cube, &self.tiles, sub_cpi, &place)
         };
         let tiles = (0..self.cube.sub_cpis.len()).map(tile).collect();
-        Some(Local { tiles, echo })
+        Some(Local {
+            tiles,
+            echo,
+            inside: self.contains(motion.position_m),
+        })
     }
 
     /// First and second derivatives of the coherent statistic at a state. `None` where a nearby state has no place.
@@ -228,7 +233,7 @@ impl SpaceTime {
             let moved = values(&self.motion(&state.moved(i, steps[i]))?);
             *slope = [0, 1, 2, 3].map(|k| moved[k] - own[k]);
         }
-        let covariance = [0, 1, 2, 3].map(|k| {
+        let mut covariance = [0, 1, 2, 3].map(|k| {
             [0, 1, 2, 3].map(|l| {
                 let terms = (0..16).map(|ij| (ij / 4, ij % 4));
                 terms
@@ -237,15 +242,29 @@ impl SpaceTime {
             })
         });
         let deviation = |i: usize| steps[i] * errors[i][i].max(0.0).sqrt();
+        let mut cross_deviation_m_s = deviation(3);
+        let mut cross_m_s = state.cross_m_s;
+        if self.accelerates(state) {
+            // The path does not observe the cross-range velocity of an accelerating target: uniform up to the largest speed.
+            let most = self.settings.max_speed_m_s;
+            cross_m_s = 0.0;
+            let sight = motion.position_m - self.middle.antenna_m();
+            let [x_axis, _] = axes(sight, self.along)?;
+            cross_deviation_m_s = most / 3f64.sqrt();
+            let moved = plane.map(|axis| cross_deviation_m_s * x_axis.dot(axis));
+            for (k, l) in (0..4).map(|kl| (kl / 2, kl % 2)) {
+                covariance[2 + k][2 + l] += moved[k] * moved[l];
+            }
+        }
         Some(Mover {
             motion,
             image_position_m: self
                 .middle
                 .locate(self.centre_m, plane, state.path_m, state.slope),
             radial_velocity_m_s: state.radial_m_s,
-            cross_range_velocity_m_s: state.cross_m_s,
+            cross_range_velocity_m_s: cross_m_s,
             covariance,
-            velocity_deviations_m_s: [deviation(2), deviation(3)],
+            velocity_deviations_m_s: [deviation(2), cross_deviation_m_s],
             integrated,
             cross_section_m2: integrated.coherent / integrated.gain,
         })

@@ -6,7 +6,9 @@
 //! 3. The coherent statistic of the best motion is maximised over path, Doppler, radial and cross-range velocity, with the exact path of every sub-CPI and channel. Its curvature at the
 //!    maximum gives the covariance of the motion (Cramer-Rao).
 //!
-//! The motion is horizontal, of constant velocity. A sub-CPI in which a target may be the main lobe or a side lobe of a stronger one, in any
+//! A strong candidate without a place in the grid is sought outside: its echo is removed, so that its Doppler ambiguities are not detected, and it is not reported.
+//!
+//! The motion is horizontal, of constant velocity; a path curvature beyond that of the largest speed is taken for an acceleration along the line of sight. A sub-CPI in which a target may be the main lobe or a side lobe of a stronger one, in any
 //! fold of Doppler, does not count for it.
 //!
 //! **False alarms.** A resolution cell is tested for `H` independent hypotheses of curvature and radial velocity. The threshold is that of the probability `Pfa / H`
@@ -20,7 +22,7 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Channels;
 
 use super::calibration::Calibration;
-use super::candidates::GROUP;
+use super::candidates::{Candidate, GROUP};
 use super::clean::Echo;
 use super::cube::OVERSAMPLING;
 use super::geometry::{Motion, Place};
@@ -44,6 +46,12 @@ const SIDE_LOBE: f64 = 2e-3;
 
 /// Relative change of the statistic at which an estimate has settled.
 const SETTLED: f64 = 0.01;
+
+/// Smallest ratio of the coherent statistic of a motion to the energy of its candidate.
+const EXPLAINED: f64 = 0.5;
+
+/// Largest level of a Doppler ambiguity of a target, relative to its own.
+const AMBIGUITY: f64 = 3e-3;
 
 /// Half the width of a main lobe, resolution cells.
 const LOBE_CELLS: f64 = 2.5;
@@ -98,6 +106,8 @@ pub fn find(
 /// Target of an earlier pass.
 struct Target {
     state: State,
+    /// Whether it lies within the grid.
+    inside: bool,
     responses: Vec<Response>,
     mover: Mover,
 }
@@ -127,9 +137,9 @@ impl Found {
             .collect()
     }
 
-    /// Targets, the strongest first.
+    /// Targets within the grid, the strongest first.
     fn into_movers(self) -> Vec<Mover> {
-        let targets = self.targets.into_iter();
+        let targets = self.targets.into_iter().filter(|target| target.inside);
         let mut movers: Vec<Mover> = targets.map(|target| target.mover).collect();
         movers.sort_by(|a, b| b.integrated.coherent.total_cmp(&a.integrated.coherent));
         movers
@@ -155,24 +165,38 @@ impl SpaceTime {
         }
         let threshold = self.threshold();
         let candidates = self.candidates(&curvatures);
-        let maxima = candidates.par_iter().filter_map(|candidate| {
+        let best = |candidate: &Candidate, inside: bool| {
             if monitor.cancelled() {
                 return None;
             }
-            let states = self.focused(candidate, &curvatures);
+            let states = self.focused(candidate, &curvatures, inside);
             let maxima = states.iter().take(STARTS);
             let mut maxima = maxima.filter_map(|&state| self.maximised(state, None));
             let (state, integrated) = maxima.next()?;
-            (integrated.coherent > threshold).then_some((state, integrated))
-        });
-        let mut maxima: Vec<(State, Integrated)> = maxima.collect();
+            (integrated.coherent > threshold).then_some((inside, state, integrated))
+        };
+        let within = candidates.par_iter();
+        let within = within.filter_map(|candidate| best(candidate, true));
+        let mut maxima: Vec<(bool, State, Integrated)> = within.collect();
+        let levels = maxima.iter().map(|(_, _, integrated)| integrated.coherent);
+        let level = levels.fold(threshold / AMBIGUITY, f64::max);
+        // Energy above that of all targets within the grid has another place.
+        let unexplained = |candidate: &&Candidate| EXPLAINED * self.excess(candidate) > level;
+        let elsewhere = candidates.par_iter().filter(unexplained);
+        let elsewhere = elsewhere.filter_map(|candidate| best(candidate, false));
+        let elsewhere: Vec<(bool, State, Integrated)> = elsewhere.collect();
+        maxima.extend(
+            elsewhere
+                .into_iter()
+                .filter(|own| EXPLAINED * own.2.coherent > level),
+        );
         if monitor.cancelled() {
             return Err(FormError::Cancelled.into());
         }
-        maxima.sort_by(|a, b| b.1.coherent.total_cmp(&a.1.coherent));
+        maxima.sort_by(|a, b| b.2.coherent.total_cmp(&a.2.coherent));
         let removed = found.targets.len();
         let mut strongest = None;
-        for (state, integrated) in maxima {
+        for (inside, state, integrated) in maxima {
             if integrated.coherent < GROUP * strongest.unwrap_or(0.0) {
                 break;
             }
@@ -193,6 +217,7 @@ impl SpaceTime {
                 strongest = strongest.or(Some(integrated.coherent));
                 found.targets.push(Target {
                     state,
+                    inside,
                     responses,
                     mover,
                 });
@@ -224,6 +249,7 @@ impl SpaceTime {
                 change,
                 Target {
                     state,
+                    inside: target.inside,
                     responses,
                     mover,
                 },
@@ -252,13 +278,23 @@ impl SpaceTime {
         let span_m_s = (extent_m * self.speed_m_s / range_m).min(2.0 * self.settings.max_speed_m_s);
         let velocities = 1.0 + span_m_s / (2.0 * self.velocity_cell_m_s());
         let hypotheses = (1.0 + curvatures) * velocities;
-        let (count, size) = (self.snapshots(), self.tiles.degrees_of_freedom() as f64);
         let one = -libm::log(self.settings.false_alarm_probability / hypotheses);
-        one * (count / (count - size)).powi(2)
+        one * self.estimation_loss()
+    }
+
+    /// Probability that clutter alone exceeds a coherent statistic of one hypothesis.
+    pub(crate) fn exceedance(&self, coherent: f64) -> f64 {
+        libm::exp(-coherent / self.estimation_loss())
+    }
+
+    /// Factor of a threshold for the estimated covariance, `(K / (K - N))^2`.
+    fn estimation_loss(&self) -> f64 {
+        let (count, size) = (self.snapshots(), self.tiles.degrees_of_freedom() as f64);
+        (count / (count - size)).powi(2)
     }
 
     /// Training snapshots of a tile away from the edges.
-    fn snapshots(&self) -> f64 {
+    pub(crate) fn snapshots(&self) -> f64 {
         let middle = [self.cube.axes.dopplers / 2, self.cube.axes.ranges / 2];
         let tile = self
             .tiles

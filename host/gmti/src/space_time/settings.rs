@@ -30,6 +30,8 @@ pub struct Settings {
     pub windows: [Window; 2],
     /// Largest speed of a target along the line of sight and across it, metres per second.
     pub max_speed_m_s: f64,
+    /// Largest acceleration of a target along the line of sight, metres per second squared. An acceleration with the path curvature of a cross-range velocity up to the largest speed is taken for it.
+    pub max_acceleration_m_s2: f64,
     /// Probability of a false alarm per resolution cell of range and Doppler.
     pub false_alarm_probability: f64,
     /// Resolution cells on each side of a tile that do not train its covariance.
@@ -47,7 +49,7 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// 26 sub-CPIs with Keystone, one bin, Taylor windows, 30 m/s, false alarms of 1e-6, 3 guard cells, 6 training cells, 1 GiB.
+    /// 26 sub-CPIs with Keystone, one bin, Taylor windows, 30 m/s, no acceleration, false alarms of 1e-6, 3 guard cells, 6 training cells, 1 GiB.
     fn default() -> Self {
         Self {
             sub_cpis: 26,
@@ -55,6 +57,7 @@ impl Default for Settings {
             bins: 1,
             windows: [Window::default(); 2],
             max_speed_m_s: 30.0,
+            max_acceleration_m_s2: 0.0,
             false_alarm_probability: 1e-6,
             guard_cells: 3,
             training_cells: 6,
@@ -78,6 +81,14 @@ impl Settings {
             Self { max_speed_m_s, .. } if !(*max_speed_m_s > 0.0 && *max_speed_m_s < 1000.0) => {
                 format!(
                     "expected a largest speed above 0 and below 1000 m/s, found {max_speed_m_s} m/s"
+                )
+            }
+            Self {
+                max_acceleration_m_s2: most,
+                ..
+            } if !(*most >= 0.0 && *most < 100.0) => {
+                format!(
+                    "expected a largest acceleration of 0 or more and below 100 m/s^2, found {most} m/s^2"
                 )
             }
             Self {

@@ -25,6 +25,7 @@ pub(super) struct State {
     /// Slope of the path at the epoch, metres per metre of track.
     pub(super) slope: f64,
     pub(super) radial_m_s: f64,
+    /// Horizontal velocity across the line of sight. Above the largest speed it stands for an acceleration along the line of sight of the same path curvature.
     pub(super) cross_m_s: f64,
 }
 
@@ -74,12 +75,29 @@ impl SpaceTime {
         self.wavelength_m() / (4.0 * self.lag_spread_s)
     }
 
-    /// Curvatures of targets from the largest speed along the track to the largest against it.
+    /// Curvatures of targets from the largest speed along the track to the largest against it, and of the largest acceleration along the line of sight.
     pub(super) fn curvature_limits(&self) -> [f64; 2] {
         let range_m = self.centre_m.distance(self.middle.antenna_m());
         let part = (self.settings.max_speed_m_s / self.speed_m_s).min(1.0);
         let of = |part: f64| 2.0 / range_m * ((1.0 - part) * (1.0 - part) - 1.0);
-        [of(part), of(-part)]
+        let bent = 2.0 * self.settings.max_acceleration_m_s2 / self.speed_m_s.powi(2);
+        [of(part).min(-bent), of(-part).max(bent)]
+    }
+
+    /// Acceleration along the line of sight with the path curvature of a cross-range velocity, per unit of it, 1 / s.
+    fn acceleration_rate(&self) -> f64 {
+        2.0 * self.speed_m_s / self.centre_m.distance(self.middle.antenna_m())
+    }
+
+    /// Whether a state has an acceleration in place of a cross-range velocity.
+    pub(super) fn accelerates(&self, state: &State) -> bool {
+        state.cross_m_s.abs() > self.settings.max_speed_m_s
+    }
+
+    /// Largest magnitude of the cross-range velocity of a state.
+    pub(super) fn max_cross_m_s(&self) -> f64 {
+        let accelerated_m_s = self.settings.max_acceleration_m_s2 / self.acceleration_rate();
+        self.settings.max_speed_m_s.max(accelerated_m_s)
     }
 
     /// Along-track position of a sub-CPI relative to the middle, metres.
@@ -87,7 +105,7 @@ impl SpaceTime {
         self.cube.sub_cpis[sub_cpi].along_m() - self.middle.along_m()
     }
 
-    /// Motion of a state. `None` where no place of the grid has it.
+    /// Motion of a state. `None` where no place of the plane has it.
     pub(super) fn motion(&self, state: &State) -> Option<Motion> {
         let slope = state.slope + 2.0 * state.radial_m_s / self.speed_m_s;
         let plane = [self.grid.x_axis, self.grid.y_axis];
@@ -97,11 +115,15 @@ impl SpaceTime {
         let sight = position_m - self.middle.antenna_m();
         let [x_axis, y_axis] = axes(sight, self.along)?;
         let level = y_axis.dot(sight.normalize_or_zero());
+        let (cross_m_s, away_m_s2) = match self.accelerates(state) {
+            true => (0.0, -state.cross_m_s * self.acceleration_rate()),
+            false => (state.cross_m_s, 0.0),
+        };
         Some(Motion {
             epoch_s: self.middle.time_s(),
             position_m,
-            velocity_m_s: x_axis * state.cross_m_s - y_axis * (state.radial_m_s / level),
-            acceleration_m_s2: DVec3::ZERO,
+            velocity_m_s: x_axis * cross_m_s - y_axis * (state.radial_m_s / level),
+            acceleration_m_s2: y_axis * (away_m_s2 / level),
         })
     }
 
@@ -151,9 +173,9 @@ impl SpaceTime {
 
     /// Steps of each parameter of a state that change the statistic by some tenths.
     pub(super) fn steps(&self) -> [f64; 4] {
-        let fine_curvature = self.fine_curvature();
-        let [low, high] = self.curvature_limits();
-        let cross_m_s = 2.0 * self.settings.max_speed_m_s * fine_curvature / (high - low);
+        // An acceleration `a` has the curvature `2 a / V^2`.
+        let cross_m_s =
+            self.fine_curvature() * self.speed_m_s.powi(2) / (2.0 * self.acceleration_rate());
         [
             self.cube.axes.path_step_m * OVERSAMPLING as f64 / FINE,
             self.fine_slope() / FINE,

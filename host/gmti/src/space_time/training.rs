@@ -20,7 +20,7 @@ use crate::adaptive::{Covariance, Loading, Whitener, power, widen};
 const TILE: usize = 8;
 
 /// Spacing of independent cells of a map, by the windows' correlation length.
-const SPACING: usize = OVERSAMPLING + 1;
+pub(super) const SPACING: usize = OVERSAMPLING + 1;
 
 /// Coherence of the channels in training cells from which clutter dominates a tile.
 const CLUTTER: f64 = 0.5;
@@ -207,5 +207,89 @@ impl Tiles {
         let bins = self.responses.iter();
         bins.flat_map(|&response| channels.iter().map(move |value| value * response))
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use subaperture_model::phase_history::Collection;
+    use subaperture_simulate::scenario::{Scenario, examples};
+
+    use super::*;
+    use crate::adaptive::mean_sinr_loss;
+    use crate::alignment::Alignment;
+    use crate::balance::balance;
+    use crate::space_time::{Calibration, SpaceTime};
+
+    /// Loss of filters from `K = 2 N` cells against the covariance of all cells of the scene's ranges and Dopplers.
+    #[test]
+    fn filters_of_few_cells_lose_sinr_as_by_theory() {
+        let text = examples::text("gmti").unwrap();
+        let mut scenario = Scenario::new("gmti.toml", text, ".");
+        for mover in 0..3 {
+            let key = format!("scene.mover[{mover}].cross_section");
+            scenario.set(&key, "1e-9 m^2").unwrap();
+        }
+        let experiment = scenario.experiment().unwrap();
+        let channels = experiment.channels(1 << 30).unwrap();
+        let collections: Vec<&Collection> = channels.iter().map(|(_, h)| h.collection()).collect();
+        let alignment = Alignment::new(&collections).unwrap();
+        let calibration = Calibration {
+            balances: balance(&channels, &alignment, DVec3::ZERO).unwrap(),
+            models: Vec::new(),
+            view: None,
+        };
+        let grid = "x=-50:50:1,y=-50:50:1".parse().unwrap();
+        let settings = Settings::default();
+        let maps = SpaceTime::form(&channels, &alignment, &calibration, &grid, &settings).unwrap();
+        let cube = &maps.cube;
+        let size = cube.channels();
+        let middle = settings.sub_cpis / 2;
+        let rows = cube.axes.zero_doppler - 2..cube.axes.zero_doppler + 3;
+        // Independent cells of the scene, 100 m of range about its centre.
+        let centre = (-cube.axes.first_range) as usize;
+        let cells = || {
+            let columns = (centre - 90..centre + 90).step_by(SPACING);
+            rows.clone()
+                .step_by(SPACING)
+                .flat_map(move |row| columns.clone().map(move |column| [row, column]))
+        };
+        let mut values = vec![Complex32::ZERO; size];
+        let mut snapshots = Vec::new();
+        for cell in cells() {
+            cube.cell(middle, cell, &mut values);
+            snapshots.push(values.clone());
+        }
+        let factor = |snapshots: &[Vec<Complex32>]| {
+            let scale = (snapshots.len() as f32).sqrt().recip();
+            let mut covariance = Covariance::new(size);
+            for snapshot in snapshots {
+                let scaled: Vec<Complex32> = snapshot.iter().map(|z| z * scale).collect();
+                covariance.add(&scaled);
+            }
+            covariance.factor(Loading::Off).unwrap()
+        };
+        let known = factor(&snapshots);
+        let lags_s = alignment.lags_s();
+        for velocity_m_s in [0.2, 1.0, 5.0] {
+            let steering = crate::detection::steering(lags_s, 10e9, velocity_m_s);
+            let few = snapshots.chunks_exact(2 * size);
+            let count = few.len() as f64;
+            let loss = few
+                .map(|few| factor(few).sinr_loss(&steering, &known))
+                .sum::<f64>()
+                / count;
+            let [loss_db, mean_db] =
+                [loss, mean_sinr_loss(size, 2 * size)].map(|loss| 10.0 * loss.log10());
+            println!(
+                "{velocity_m_s} m/s, {count} filters: {loss_db:.2} dB, {mean_db:.2} dB by theory"
+            );
+            // A loss of beta distribution has a standard deviation of 0.15; twenty filters have 0.25 dB.
+            assert!(
+                loss_db > -3.0 && (loss_db - mean_db).abs() < 0.8,
+                "{loss_db}"
+            );
+        }
     }
 }

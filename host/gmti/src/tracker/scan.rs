@@ -137,6 +137,7 @@ mod tests {
             velocity_ambiguity_m_s: 7.5,
             cross_range: None,
             velocity_m_s: None,
+            acceleration_m_s2: None,
             ground_speed_m_s: 5.1,
             snr_db: 20.0,
             extent_m: 1.0,

@@ -2,6 +2,7 @@
 
 mod closed_forms;
 mod counts;
+mod interferometry;
 mod loss;
 mod matrices;
 mod noise;

@@ -1,12 +1,19 @@
 //! Simulated scenes of movers in clutter, and errors of their channels.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::DVec3;
 use num_complex::Complex32;
+use subaperture_focus::Numerics;
+use subaperture_focus::formers::auto::Auto;
+use subaperture_gmti::Imaging;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::{
     Channel, Channels, Collection, InMemory, PhaseHistory, ReadError,
 };
+use subaperture_signal::window::Window;
 use subaperture_simulate::Experiment;
 use subaperture_simulate::scenario::Scenario;
 
@@ -40,6 +47,19 @@ pub(crate) fn scene_with(
     receivers: &[&str],
     noise_db: f64,
 ) -> Experiment {
+    scenario(seed, movers, sections, receivers, noise_db)
+        .experiment()
+        .unwrap()
+}
+
+/// Scenario of the scene with other sections, to which keys can be added.
+pub(crate) fn scenario(
+    seed: u64,
+    movers: &[(&str, &str, &str)],
+    sections: &str,
+    receivers: &[&str],
+    noise_db: f64,
+) -> Scenario {
     let mut text = format!(
         r#"
 name = "movers in clutter"
@@ -81,22 +101,89 @@ offset = "0, 0, 0 m"
     }
     text += sections;
     Scenario::new("movers.toml", text, ".")
-        .experiment()
-        .unwrap()
+}
+
+/// Number of scenes with random movers: `SUBAPERTURE_SCENES`, or `fewest` if it is not set.
+pub(crate) fn number_of_scenes(fewest: u64) -> u64 {
+    std::env::var("SUBAPERTURE_SCENES").map_or(fewest, |text| text.parse().unwrap())
+}
+
+/// Standard deviation of the radial velocity of clutter with internal motion, m/s.
+pub(crate) const SPREAD_M_S: f64 = 0.1;
+
+/// Grid of a strip.
+pub(crate) const STRIP_GRID: &str = "x=-60:60:0.3,y=-15:15:0.5,z=0";
+
+/// Scenario of clutter with internal motion over this extent, metres, with this number of points per square metre.
+pub(crate) fn moving_clutter(
+    seed: u64,
+    movers: &[Truth],
+    [half_x_m, half_y_m]: [f64; 2],
+    density: f64,
+) -> Scenario {
+    let mut scenario = scenario_of_movers(seed, movers, &THREE, 10.0);
+    for (key, value) in [
+        ("x", format!("{}, {half_x_m} m", -half_x_m)),
+        ("y", format!("{}, {half_y_m} m", -half_y_m)),
+        ("density", density.to_string()),
+        ("velocity_spread", format!("{SPREAD_M_S} m/s")),
+    ] {
+        scenario
+            .set(&format!("scene.clutter[0].{key}"), &value)
+            .unwrap();
+    }
+    scenario
+}
+
+/// Strip without movers, with 30 points per resolution cell: with fewer, the power of cancelled clutter has a heavy tail.
+pub(crate) fn strip() -> &'static Channels<'static> {
+    static STRIP: OnceLock<Channels<'static>> = OnceLock::new();
+    STRIP.get_or_init(|| {
+        let scenario = moving_clutter(11, &[], [60.0, 15.0], 40.0);
+        recorded(&scenario.experiment().unwrap())
+    })
+}
+
+/// Recording with the echoes of movers.
+pub(crate) fn with_movers(recording: &Channels, movers: &[Truth]) -> Channels<'static> {
+    let mut scenario = scenario_of_movers(0, movers, &THREE, -300.0);
+    for (key, value) in [("density", "0.001"), ("sigma0", "-300 dB")] {
+        scenario
+            .set(&format!("scene.clutter[0].{key}"), value)
+            .unwrap();
+    }
+    let movers = recorded(&scenario.experiment().unwrap());
+    let sum = |((about, a), (_, b)): ((&Channel, &dyn PhaseHistory), (_, &dyn PhaseHistory))| {
+        let collection = a.collection().clone();
+        let count = collection.pulses.len();
+        let [mut samples, other] = [a, b].map(|history| {
+            let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
+            history.read(0..count, &mut samples).unwrap();
+            samples
+        });
+        samples.iter_mut().zip(other).for_each(|(z, w)| *z += w);
+        let history: Box<dyn PhaseHistory> = Box::new(InMemory::new(collection, samples).unwrap());
+        (about.clone(), history)
+    };
+    Channels::new(recording.iter().zip(movers.iter()).map(sum).collect()).unwrap()
+}
+
+/// Images of -60 dB with the default windows.
+pub(crate) fn imaging(grid: &ImageGrid) -> Imaging<'_> {
+    Imaging {
+        former: &Auto { error_db: -60.0 },
+        grid,
+        windows: [Window::default(); 2],
+        memory_bytes: 1 << 30,
+        numerics: Numerics::default(),
+        monitor: &Silent,
+    }
 }
 
 /// Recording of all channels, read once.
 pub(crate) fn recorded(experiment: &Experiment) -> Channels<'static> {
     let channels = experiment.channels(1 << 30).unwrap();
-    let read = |(about, history): (&Channel, &dyn PhaseHistory)| {
-        let collection = history.collection().clone();
-        let count = collection.pulses.len();
-        let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
-        history.read(0..count, &mut samples).unwrap();
-        let history: Box<dyn PhaseHistory> = Box::new(InMemory::new(collection, samples).unwrap());
-        (about.clone(), history)
-    };
-    Channels::new(channels.iter().map(read).collect()).unwrap()
+    channels.in_memory().unwrap()
 }
 
 /// Errors of a receiver and its recorded position.
@@ -178,13 +265,13 @@ impl Uniform {
 /// Horizontal position, metres, velocity, m/s, and radar cross-section, m^2, of a mover.
 pub(crate) type Truth = ([f64; 2], [f64; 2], f64);
 
-/// Scene of these movers.
-pub(crate) fn scene_of_movers(
+/// Scenario of these movers.
+pub(crate) fn scenario_of_movers(
     seed: u64,
     movers: &[Truth],
     receivers: &[&str],
     noise_db: f64,
-) -> Experiment {
+) -> Scenario {
     let text = |(place, velocity, section): &Truth| {
         [
             format!("{}, {}, 0 m", place[0], place[1]),
@@ -197,5 +284,5 @@ pub(crate) fn scene_of_movers(
         .iter()
         .map(|[place, velocity, section]| (&place[..], &velocity[..], &section[..]))
         .collect();
-    scene_of_seed(seed, &list, receivers, noise_db)
+    scenario(seed, &list, "", receivers, noise_db)
 }

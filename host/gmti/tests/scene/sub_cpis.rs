@@ -3,21 +3,19 @@
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use subaperture_focus::Numerics;
-use subaperture_focus::formers::auto::Auto;
 use subaperture_gmti::adaptive::{Performance, Statistic, TargetModel, mean_sinr_loss};
 use subaperture_gmti::space_time::{
     Calibration, Motion, Mover, Settings, SpaceTime, Training, find,
 };
-use subaperture_gmti::{Alignment, GmtiError, Imaging, balance};
+use subaperture_gmti::{Alignment, GmtiError, balance, detection};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::{Channels, Collection};
-use subaperture_signal::window::Window;
 
+use crate::counts::Counts;
 use crate::recording::{
-    Errors, FOUR, THREE, TWO, Uniform, impaired, recorded, scene, scene_of_movers, scene_of_seed,
-    scene_with,
+    Errors, FOUR, STRIP_GRID, THREE, TWO, Truth, Uniform, imaging, impaired, moving_clutter,
+    number_of_scenes, recorded, scenario_of_movers, scene, scene_of_seed, scene_with, with_movers,
 };
 
 const GRID: &str = "x=-60:60:0.3,y=-60:60:0.5,z=0";
@@ -47,17 +45,10 @@ fn maps(channels: &Channels, settings: &Settings) -> Result<SpaceTime, GmtiError
     )
 }
 
-fn movers(channels: &Channels, settings: &Settings) -> Vec<Mover> {
+fn movers(channels: &Channels, grid: &str, settings: &Settings) -> Vec<Mover> {
     let alignment = aligned(channels);
-    let grid: ImageGrid = GRID.parse().unwrap();
-    let imaging = Imaging {
-        former: &Auto { error_db: -60.0 },
-        grid: &grid,
-        windows: [Window::default(); 2],
-        memory_bytes: 1 << 30,
-        numerics: Numerics::default(),
-        monitor: &Silent,
-    };
+    let grid: ImageGrid = grid.parse().unwrap();
+    let imaging = imaging(&grid);
     let images = imaging.form(channels, &alignment).unwrap();
     find(
         channels,
@@ -126,19 +117,44 @@ fn coherent_integration_has_the_gain_of_all_sub_cpis() {
     }
 }
 
+/// Counts of detections over sub-CPIs.
+fn counts() -> Counts<4> {
+    Counts::new(["x", "y", "velocity along x", "velocity along y"])
+}
+
+/// Errors of a target near a mover: position and velocity along x and y.
+fn errors_of((place, velocity, _): &Truth, mover: &Mover) -> Option<[f64; 4]> {
+    let (p, v) = (mover.motion.at(MIDDLE_S), mover.motion.velocity_m_s);
+    let near = (p.y - place[1]).abs() < 1.5
+        && (p.x - place[0]).abs() < 15.0
+        && (v.y - velocity[1]).abs() < 1.0;
+    let found = [p.x, p.y, v.x, v.y];
+    let truth = [place[0], place[1], velocity[0], velocity[1]];
+    let error = |k: usize| (found[k] - truth[k]) / mover.covariance[k][k].sqrt();
+    near.then(|| [0, 1, 2, 3].map(error))
+}
+
+/// Random movers at these ranges, of 0.5 to 29 m/s across the track and 0.5 to 5 m^2.
+fn random_movers(random: &mut Uniform, ranges_m: impl Iterator<Item = f64>) -> Vec<Truth> {
+    let mover = |y: f64| {
+        let mut uniform = |low, high| random.between(low, high);
+        let place = [uniform(-50.0, 50.0), y];
+        let speed = uniform(0.5, 29.0) * if uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+        (place, [uniform(-15.0, 15.0), speed], uniform(0.5, 5.0))
+    };
+    ranges_m.map(mover).collect()
+}
+
 /// Twenty movers of 0.5 to 29 m/s in each scene, seen by an array at a crab angle of 5 degrees with errors of gain and phase. Number of scenes: `SUBAPERTURE_SCENES`, 1 if it is not
 /// set; number of receivers: `SUBAPERTURE_RECEIVERS`, 3 or 4.
 #[test]
 fn movers_of_any_velocity_are_within_their_covariances() {
-    let number =
-        |name: &str, least: u64| std::env::var(name).map_or(least, |text| text.parse().unwrap());
-    let scenes = number("SUBAPERTURE_SCENES", 1);
-    let receivers: &[&str] = match number("SUBAPERTURE_RECEIVERS", 3) {
-        4 => &FOUR,
+    let scenes = number_of_scenes(1);
+    let receivers: &[&str] = match std::env::var("SUBAPERTURE_RECEIVERS").as_deref() {
+        Ok("4") => &FOUR,
         _ => &THREE,
     };
     let mut random = Uniform(5);
-    let mut uniform = |low, high| random.between(low, high);
     let crab_rad = 5f64.to_radians();
     let phase_centres_m = [0.0, 0.4, 1.0, 1.2];
     let errors: Vec<Errors> = (0..receivers.len())
@@ -149,66 +165,44 @@ fn movers_of_any_velocity_are_within_their_covariances() {
             displaced_m: DVec3::new(0.0, -phase_centres_m[c] * crab_rad, 0.0),
         })
         .collect();
-    let (mut total, mut detected, mut false_count) = (0, 0, 0);
-    let mut errors_in_sigma: [Vec<f64>; 4] = Default::default();
+    let mut counts = counts();
     for seed in 0..scenes {
         let noise_db = [10.0, 0.0, 20.0][seed as usize % 3];
-        let mut truths = Vec::new();
-        for i in 0..20 {
-            let place = [uniform(-50.0, 50.0), -57.0 + 6.0 * f64::from(i)];
-            let speed = uniform(0.5, 29.0) * if uniform(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
-            truths.push((place, [uniform(-15.0, 15.0), speed], uniform(0.5, 5.0)));
-        }
-        let recorded = recorded(&scene_of_movers(300 + seed, &truths, receivers, noise_db));
-        let found = movers(&impaired(&recorded, &errors), &Settings::default());
-        total += truths.len();
-        let mut left: Vec<&Mover> = found.iter().collect();
-        for (place, velocity, section) in truths {
-            let near = |mover: &&Mover| {
-                let (p, v) = (mover.motion.at(MIDDLE_S), mover.motion.velocity_m_s);
-                (p.y - place[1]).abs() < 1.5
-                    && (p.x - place[0]).abs() < 15.0
-                    && (v.y - velocity[1]).abs() < 1.0
-            };
-            let Some(i) = left.iter().position(near) else {
-                println!("scene {seed}: missed {place:.2?}, {velocity:.2?} m/s, {section:.2} m^2");
-                continue;
-            };
-            let mover = left.remove(i);
-            detected += 1;
-            let (p, v) = (mover.motion.at(MIDDLE_S), mover.motion.velocity_m_s);
-            let truth = [place[0], place[1], velocity[0], velocity[1]];
-            for (k, value) in [p.x, p.y, v.x, v.y].into_iter().enumerate() {
-                errors_in_sigma[k].push((value - truth[k]) / mover.covariance[k][k].sqrt());
-            }
-        }
-        false_count += left.len();
-        for mover in left {
-            println!(
-                "scene {seed}: false {:.2?}, {:.1} dB",
-                mover.motion,
-                db(mover.integrated.coherent)
-            );
-        }
+        let truths = random_movers(&mut random, (0..20).map(|i| -57.0 + 6.0 * f64::from(i)));
+        let scenario = scenario_of_movers(300 + seed, &truths, receivers, noise_db);
+        let recorded = recorded(&scenario.experiment().unwrap());
+        let found = movers(&impaired(&recorded, &errors), GRID, &Settings::default());
+        counts.add(seed, &truths, &found, errors_of);
     }
-    println!("detected {detected} of {total}, {false_count} false");
-    assert!(100 * detected >= 98 * total, "{detected} of {total}");
-    assert!(false_count as u64 <= scenes, "{false_count}");
-    for (name, errors) in ["x", "y", "velocity along x", "velocity along y"]
-        .iter()
-        .zip(&errors_in_sigma)
-    {
-        let inside = errors.iter().filter(|e| e.abs() < 1.96).count() as f64 / errors.len() as f64;
-        println!("{name}: {:.1} % within 1.96 sigma", 100.0 * inside);
-        // 95 % of all errors; of 20, at least 16 with a probability of 99.7 %.
-        assert!(inside > 0.79, "{name}: {inside}");
-    }
+    // 95 % of all errors; of 20, at least 16 with a probability of 99.7 %.
+    counts.assert_covered(0.79);
+    counts.assert_detected(98, scenes);
 }
 
-/// A car that brakes from 12 m/s at 4 m/s^2, and the same target with its mean velocity.
+/// Clutter of the extent of the training cells: 9 resolution cells of a sub-CPI are 140 m along the track. Where training cells are beyond the end of moving clutter, the covariance is too small:
+/// with clutter of 120 m x 30 m the statistic has a mean of 8 at the velocities of the clutter. Number of scenes: `SUBAPERTURE_SCENES`, 6 if it is not set.
 #[test]
-fn braking_target_is_integrated_under_its_acceleration() {
-    let car = r#"
+#[ignore = "minutes: cargo xtask long"]
+fn movers_of_any_velocity_are_detected_in_clutter_with_internal_motion() {
+    let scenes = number_of_scenes(6);
+    let scenario = moving_clutter(11, &[], [200.0, 30.0], 10.0);
+    let clutter = recorded(&scenario.experiment().unwrap());
+    let mut random = Uniform(6);
+    let mut counts = counts();
+    for scene in 0..scenes {
+        let truths = random_movers(&mut random, (0..5).map(|i| -13.0 + 6.5 * f64::from(i)));
+        let recorded = with_movers(&clutter, &truths);
+        let found = movers(&recorded, STRIP_GRID, &Settings::default());
+        counts.add(scene, &truths, &found, errors_of);
+    }
+    // Of 30 errors at least 22: with a coverage of 85 %, measured on 60 movers, this has a probability of 97 %.
+    counts.assert_covered(0.7);
+    // Movers near a blind velocity of a pair, 3.7 m/s and its multiples, may be missed or displaced.
+    counts.assert_detected(85, 2 * scenes);
+}
+
+/// A car that brakes from 12 m/s at 4 m/s^2 across the track.
+const BRAKING_CAR: &str = r#"
 [[scene.mover]]
 kind = "profile"
 position = "0, -6, 0 m"
@@ -216,7 +210,11 @@ velocity = "0, 12, 0 m/s"
 pieces = ["2 s, 0, -4, 0 m/s^2"]
 cross_section = "5 m^2"
 "#;
-    let recorded = recorded(&scene_with(11, &[], car, &THREE, 10.0));
+
+/// The braking car, and the same target with its mean velocity.
+#[test]
+fn braking_target_is_integrated_under_its_acceleration() {
+    let recorded = recorded(&scene_with(11, &[], BRAKING_CAR, &THREE, 10.0));
     let maps = maps(&recorded, &Settings::default()).unwrap();
     let braking = Motion {
         epoch_s: 0.0,
@@ -235,21 +233,66 @@ cross_section = "5 m^2"
     assert!(mean_db < -6.0, "{mean_db}");
 }
 
-/// A mover 60 m beyond the end of the grid along the track has the range and Doppler of places in the grid at other velocities. Its main response is not detected there; an ambiguity is, 25 dB
-/// below it.
+/// A mover 60 m beyond the end of the grid along the track, at other velocities in the grid by its range and Doppler, and a weak one within.
 #[test]
-fn main_response_of_target_outside_of_the_grid_is_not_detected_inside() {
-    let mover = ("120, 10, 0 m", "2, 6, 0 m/s", "5 m^2");
-    let recorded = recorded(&scene(&[mover], &THREE, 10.0));
-    let level = maps(&recorded, &Settings::default())
-        .unwrap()
-        .integrate(&motion([120.0, 10.0], [2.0, 6.0]))
-        .coherent;
-    for found in movers(&recorded, &Settings::default()) {
-        let relative_db = db(found.integrated.coherent / level);
-        println!("{relative_db:.1} dB: {:.1?}", found.motion.position_m);
-        assert!(relative_db < -20.0, "{relative_db}");
+fn targets_outside_of_the_grid_are_removed_and_not_reported() {
+    let outside = ("120, 10, 0 m", "2, 6, 0 m/s", "5 m^2");
+    let inside = ("-20, -30, 0 m", "-3, -4, 0 m/s", "0.5 m^2");
+    let recorded = recorded(&scene(&[outside, inside], &THREE, 10.0));
+    let found = movers(&recorded, GRID, &Settings::default());
+    for mover in &found {
+        println!(
+            "{:.1} dB: {:.2?}",
+            db(mover.integrated.coherent),
+            mover.motion
+        );
     }
+    assert_eq!(found.len(), 1);
+    let away_m = found[0].motion.at(MIDDLE_S) - DVec3::new(-20.0, -30.0, 0.0);
+    let sigma_m = [0, 1].map(|i| found[0].covariance[i][i].sqrt());
+    assert!(
+        away_m.x.abs() < 4.0 * sigma_m[0] && away_m.y.abs() < 4.0 * sigma_m[1],
+        "{away_m}"
+    );
+}
+
+/// A car that brakes at 4 m/s^2 across the track, found among accelerations to 5 m/s^2.
+#[test]
+fn accelerating_targets_are_found() {
+    let recorded = recorded(&scene_with(11, &[], BRAKING_CAR, &THREE, 10.0));
+    let settings = Settings {
+        max_acceleration_m_s2: 5.0,
+        ..Settings::default()
+    };
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let imaging = imaging(&grid);
+    let detection = detection::Settings::default();
+    let targets = subaperture_gmti::find(&recorded, &imaging, &detection, Some(&settings)).unwrap();
+    let [best] = &targets.targets[..] else {
+        panic!("{:?}", targets.targets);
+    };
+    println!("{best:.3?}");
+    let truth = Motion {
+        epoch_s: 0.0,
+        acceleration_m_s2: DVec3::new(0.0, -4.0, 0.0),
+        ..motion([0.0, -6.0], [0.0, 12.0])
+    };
+    let away_m = DVec3::from(best.position_m.unwrap()) - truth.at(best.time_s);
+    println!("{away_m} m away");
+    assert!(away_m.x.abs() < 0.5 && away_m.y.abs() < 0.1, "{away_m}");
+    // The car has no cross-range velocity, as is assumed.
+    assert!((best.acceleration_m_s2.unwrap()[1] + 4.0).abs() < 0.05);
+    let chips = targets.refocus(&recorded, &imaging, 32).unwrap();
+    let peak = chips[0]
+        .image
+        .pixels
+        .iter()
+        .map(|z| z.norm_sqr())
+        .fold(0.0, f32::max);
+    let level_db = db(f64::from(peak) / 5.0);
+    println!("refocused to {level_db:.2} dB of its cross-section");
+    // Between pixels of half the resolution, 0.5 dB, and the clutter.
+    assert!(level_db.abs() < 1.0, "{level_db}");
 }
 
 /// Clutter and noise without movers.
@@ -261,7 +304,7 @@ fn search_has_at_most_the_requested_false_alarms() {
     };
     for noise_db in [-10.0, 10.0] {
         let recorded = recorded(&scene_of_seed(500, &[], &THREE, noise_db));
-        let found = movers(&recorded, &settings);
+        let found = movers(&recorded, GRID, &settings);
         // Resolution cells of the maps: 120 m plus 30 m/s of slant range on both sides, and Doppler of 30 m/s and the scene.
         let cells = 180.0 * (2.0 * 2.2 * 1040.0);
         let expected = 1e-5 * cells;

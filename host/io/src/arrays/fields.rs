@@ -14,7 +14,7 @@ use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Collection, PhaseReference, PhaseSign, Pulse, Sweep};
 
 /// Names of all arrays that are read.
-const NAMES: [&str; 13] = [
+const NAMES: [&str; 14] = [
     "samples",
     "frequency_hz",
     "start_hz",
@@ -25,6 +25,7 @@ const NAMES: [&str; 13] = [
     "sign",
     "reference_m",
     "reference_path_m",
+    "recorded_path_m",
     "time_s",
     "origin_deg_m",
     "extent_m",
@@ -269,6 +270,25 @@ impl Fields {
         }))
     }
 
+    /// Interval of recorded two-way paths of every pulse.
+    fn recorded(&self, sizes: Sizes) -> Result<Option<Vec<[f64; 2]>>, Fault> {
+        if !self.has("recorded_path_m") {
+            return Ok(None);
+        }
+        let values = self.real("recorded_path_m", &[&[2], &[sizes.pulses, 2]])?;
+        let mut paths = values.as_chunks::<2>().0.to_vec();
+        if let Some(n) = paths.iter().position(|[first, last]| first >= last) {
+            return Err(Fault::Malformed(format!(
+                "array 'recorded_path_m': expected the shortest and the longest path, found {:?} for pulse {n}",
+                paths[n]
+            )));
+        }
+        if let [one] = *paths.as_slice() {
+            paths = vec![one; sizes.pulses];
+        }
+        Ok(Some(paths))
+    }
+
     fn sign(&self) -> Result<Option<PhaseSign>, Fault> {
         if !self.has("sign") {
             return Ok(None);
@@ -333,6 +353,7 @@ impl Parsed {
                 "array 'time_s': pulse {n} is earlier than the previous one; sort the pulses by time"
             )));
         }
+        let recorded = fields.recorded(sizes)?;
         let pulse = |c: usize, n: usize| {
             let i = c * sizes.pulses + n;
             let mut pulse = Pulse {
@@ -344,6 +365,7 @@ impl Parsed {
                 start_hz: start_hz[n],
                 step_hz: step_hz[n],
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: recorded.as_ref().map(|paths| paths[n]),
             };
             pulse.reference_path_m = match &paths {
                 Some(paths) => paths[i],

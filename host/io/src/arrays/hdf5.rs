@@ -6,12 +6,12 @@
 
 use std::path::Path;
 
-use hdf5_pure::{
-    CompoundMember, DType, Dataset, Datatype, DatatypeByteOrder, Error, File, FloatingPointLayout,
-};
+use hdf5_pure::{DType, Dataset, Error, File};
 use num_complex::Complex32;
 
-use crate::npy::{Array, Range, Values, half};
+use crate::hdf5_numbers::{Part, is_number, pair};
+use crate::npy::{Array, Range, Values};
+use crate::remote;
 
 /// Bytes of a data set read at a time.
 const PIECE_BYTES: u64 = 1 << 20;
@@ -21,9 +21,7 @@ pub(super) struct Hdf5(File);
 
 impl Hdf5 {
     pub(super) fn open(path: &Path) -> Result<Self, String> {
-        let file = File::open_streaming(path);
-        file.map(Self)
-            .map_err(|error| format!("unreadable HDF5 file: {error}"))
+        remote::hdf5(path).map(Self)
     }
 
     /// Names of the data sets.
@@ -78,16 +76,7 @@ impl Hdf5 {
                 }
                 None => return Err(unsuited(name, &kind)),
             },
-            DType::F32
-            | DType::F64
-            | DType::I8
-            | DType::I16
-            | DType::I32
-            | DType::I64
-            | DType::U8
-            | DType::U16
-            | DType::U32
-            | DType::U64 => Values::Real(set.read_f64().map_err(named)?),
+            kind if is_number(kind) => Values::Real(set.read_f64().map_err(named)?),
             _ => return Err(unsuited(name, &kind)),
         };
         let held = match &values {
@@ -102,6 +91,7 @@ impl Hdf5 {
         Ok(Array {
             shape: shape.iter().map(|&size| size as usize).collect(),
             values,
+            integer_range: None,
         })
     }
 }
@@ -110,123 +100,6 @@ fn unsuited(name: &str, kind: &DType) -> String {
     format!(
         "data set {name}: expected integers, floats, or compounds of two equal numbers (complex), found {kind}"
     )
-}
-
-/// Real number inside a stored value.
-#[derive(Clone, Copy)]
-struct Part {
-    at: usize,
-    bytes: usize,
-    little: bool,
-    kind: Kind,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Float,
-    Signed,
-    Unsigned,
-}
-
-/// IEEE 754 half precision.
-const HALF: FloatingPointLayout = FloatingPointLayout {
-    bit_offset: 0,
-    bit_precision: 16,
-    exponent_location: 10,
-    exponent_size: 5,
-    mantissa_location: 0,
-    mantissa_size: 10,
-    exponent_bias: 15,
-};
-
-impl Part {
-    /// Number of type `datatype` at byte `at`. `None` if it is not a supported number.
-    fn of(datatype: &Datatype, at: usize) -> Option<Self> {
-        let (size, order, kind) = match datatype {
-            Datatype::FloatingPoint {
-                size,
-                byte_order,
-                layout,
-            } => {
-                let known = match size {
-                    2 => *layout == HALF,
-                    4 => *layout == FloatingPointLayout::IEEE754_BINARY32,
-                    8 => *layout == FloatingPointLayout::IEEE754_BINARY64,
-                    _ => false,
-                };
-                (known.then_some(*size)?, byte_order, Kind::Float)
-            }
-            Datatype::FixedPoint {
-                size,
-                byte_order,
-                layout,
-            } => {
-                let whole = u32::from(layout.bit_precision) == 8 * size && layout.bit_offset == 0;
-                let kind = if layout.signed {
-                    Kind::Signed
-                } else {
-                    Kind::Unsigned
-                };
-                (
-                    (whole && matches!(size, 1 | 2 | 4 | 8)).then_some(*size)?,
-                    byte_order,
-                    kind,
-                )
-            }
-            _ => return None,
-        };
-        Some(Self {
-            at,
-            bytes: size as usize,
-            little: match order {
-                DatatypeByteOrder::LittleEndian => true,
-                DatatypeByteOrder::BigEndian => false,
-                _ => return None,
-            },
-            kind,
-        })
-    }
-
-    /// Decode the number from a stored value. NaN if the value is truncated.
-    fn number(&self, value: &[u8]) -> f64 {
-        let mut own = [0; 8];
-        let Some(bytes) = value.get(self.at..self.at + self.bytes) else {
-            return f64::NAN;
-        };
-        own[..self.bytes].copy_from_slice(bytes);
-        if !self.little {
-            own[..self.bytes].reverse();
-        }
-        let whole = u64::from_le_bytes(own);
-        match (self.kind, self.bytes) {
-            (Kind::Float, 2) => half(whole as u16),
-            (Kind::Float, 4) => f64::from(f32::from_bits(whole as u32)),
-            (Kind::Float, _) => f64::from_bits(whole),
-            (Kind::Unsigned, _) => whole as f64,
-            (Kind::Signed, bytes) => {
-                let unused = 64 - 8 * bytes;
-                ((whole << unused) as i64 >> unused) as f64
-            }
-        }
-    }
-}
-
-/// Real and imaginary part of a compound of two equal numbers.
-fn pair(datatype: &Datatype) -> Option<[Part; 2]> {
-    let Datatype::Compound { size, members } = datatype else {
-        return None;
-    };
-    let [first, second] = members.as_slice() else {
-        return None;
-    };
-    let part = |member: &CompoundMember| {
-        let at = usize::try_from(member.byte_offset).ok()?;
-        Part::of(&member.datatype, at)
-            .filter(|part| at.saturating_add(part.bytes) <= *size as usize)
-    };
-    let (first, second) = (part(first)?, part(second)?);
-    let alike = first.kind == second.kind && first.bytes == second.bytes;
-    alike.then_some([first, second])
 }
 
 /// Pass the bytes of every value to `take`, a few rows at a time.

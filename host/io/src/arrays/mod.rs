@@ -2,7 +2,7 @@
 //!
 //! # Reading
 //! File types are recognised by their first bytes. The whole file is read at once. Memory: the samples as complex64, twice that for several channels,
-//! 240 bytes per pulse and channel, and one chunk of an HDF5 data set. `tests/recordings/arrays.rs` reads what NumPy and h5py write.
+//! 264 bytes per pulse and channel, and one chunk of an HDF5 data set. `tests/recordings/arrays.rs` reads what NumPy and h5py write.
 
 mod convention;
 mod fault;
@@ -11,6 +11,7 @@ mod fields;
 mod hdf5;
 mod source;
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::path::Path;
 
@@ -20,6 +21,8 @@ use subaperture_model::phase_history::{
 };
 
 use crate::input::{Stamp, checksum};
+use crate::npy::Array;
+use crate::remote::{self, Remote};
 use fields::{Fields, Parsed};
 use source::Source;
 
@@ -50,18 +53,26 @@ pub fn open_channels(
         path: path.to_owned(),
         what,
     };
+    if let Some(url) = remote::url(path) {
+        let is_archive = remote::start(url, 4).map_err(io)? == source::ARCHIVE_MAGIC;
+        if is_archive && let Some(bytes) = remote::content(path, memory_bytes)? {
+            return from_bytes(path, bytes, memory_bytes, inference);
+        }
+        let file = Remote::open(url).map_err(io)?;
+        let source = Source::open(path).map_err(malformed)?;
+        let left_bytes = memory_bytes.saturating_sub(file.held_bytes());
+        let parsed = parse(path, source, left_bytes)?;
+        let input = file.input(path)?;
+        return channels(path, parsed, Some(&input), memory_bytes, inference);
+    }
     let mut file = File::open(path).map_err(io)?;
     let stamp = Stamp::of(&file).map_err(io)?;
     let (bytes, crc32) = checksum(&mut file).map_err(io)?;
-    let input = InputFile {
-        path: path.to_owned(),
-        bytes,
-        crc32,
-    };
+    let input = InputFile::with_crc32(path, bytes, crc32);
     let source = Source::open(path).map_err(malformed)?;
     let parsed = parse(path, source, memory_bytes)?;
     stamp.check(&file, path)?;
-    channels(path, parsed, &input, memory_bytes, inference)
+    channels(path, parsed, Some(&input), memory_bytes, inference)
 }
 
 /// As [`open_channels`], from an archive (`.npz`) in memory; `name` stands for its path. Its bytes count as memory.
@@ -74,14 +85,30 @@ pub fn from_bytes(
     memory_bytes: u64,
     inference: Option<&Inference>,
 ) -> Result<Channels<'static>, ReadError> {
-    let input = InputFile {
-        path: name.to_owned(),
-        bytes: bytes.len() as u64,
-        crc32: format!("{:08x}", crc32fast::hash(&bytes)),
-    };
+    let input = InputFile::with_crc32(
+        name,
+        bytes.len() as u64,
+        format!("{:08x}", crc32fast::hash(&bytes)),
+    );
     let left_bytes = memory_bytes.saturating_sub(input.bytes);
     let parsed = parse(name, Source::Bytes(bytes), left_bytes)?;
-    channels(name, parsed, &input, memory_bytes, inference)
+    channels(name, parsed, Some(&input), memory_bytes, inference)
+}
+
+/// As [`open_channels`], from arrays in memory, each with its name; `name` is that of the recording. Samples are not copied.
+///
+/// # Errors
+/// As [`open_channels`], without [`ReadError::Io`] and [`ReadError::Changed`].
+pub fn from_arrays(
+    name: &str,
+    arrays: impl IntoIterator<Item = (String, Array)>,
+    memory_bytes: u64,
+    inference: Option<&Inference>,
+) -> Result<Channels<'static>, ReadError> {
+    let name = Path::new(name);
+    let arrays = RefCell::new(arrays.into_iter().collect());
+    let parsed = parse(name, Source::Arrays(arrays), memory_bytes)?;
+    channels(name, parsed, None, memory_bytes, inference)
 }
 
 /// Read the arrays of an open file.
@@ -104,7 +131,7 @@ fn parse(path: &Path, source: Source, memory_bytes: u64) -> Result<Parsed, ReadE
 fn channels(
     path: &Path,
     parsed: Parsed,
-    input: &InputFile,
+    input: Option<&InputFile>,
     memory_bytes: u64,
     inference: Option<&Inference>,
 ) -> Result<Channels<'static>, ReadError> {
@@ -154,10 +181,11 @@ fn channels(
         }
         let about = Channel::new((c + 1).to_string());
         let history = InMemory::new(collection, samples)?
-            .with_inputs(vec![input.clone()])
+            .with_inputs(input.into_iter().cloned().collect())
             .with_channels(vec![about.clone()])
             .with_convention(convention)
-            .with_warnings(settled.warning.clone().into_iter().collect());
+            .with_warnings(settled.warning.clone().into_iter().collect())
+            .with_pulse_defects();
         channels.push((about, Box::new(history) as Box<dyn PhaseHistory>));
     }
     Ok(Channels::new(channels)?)

@@ -1,18 +1,22 @@
-//! Files of named arrays: NumPy archives and HDF5.
+//! Named arrays: in memory, and in files (NumPy archives and HDF5).
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::npy::{self, Array};
 use subaperture_model::phase_history::ReadError;
 
 /// First bytes of a zip archive.
-const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
+pub(super) const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
 
 /// Open file of named arrays.
 pub(super) enum Source {
     Archive(PathBuf),
     /// Archive in memory.
     Bytes(Vec<u8>),
+    /// Arrays in memory, each until it is read.
+    Arrays(RefCell<BTreeMap<String, Array>>),
     #[cfg(feature = "hdf5")]
     Hdf5(super::hdf5::Hdf5),
 }
@@ -40,6 +44,7 @@ impl Source {
         match self {
             Self::Archive(path) => npy::names(path).map_err(without_path),
             Self::Bytes(bytes) => npy::names_of(bytes),
+            Self::Arrays(arrays) => Ok(arrays.borrow().keys().cloned().collect()),
             #[cfg(feature = "hdf5")]
             Self::Hdf5(file) => file.names(),
         }
@@ -52,6 +57,10 @@ impl Source {
                 Array::read(path, Some(name), memory_bytes).map_err(without_path)
             }
             Self::Bytes(bytes) => Array::of_archive(bytes, name, memory_bytes),
+            Self::Arrays(arrays) => {
+                let array = arrays.borrow_mut().remove(name);
+                array.ok_or_else(|| format!("array '{name}' is read twice"))
+            }
             #[cfg(feature = "hdf5")]
             Self::Hdf5(file) => file.array(name, memory_bytes),
         }

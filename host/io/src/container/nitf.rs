@@ -11,6 +11,8 @@ pub const MAX_XML_BYTES: u64 = 16 << 20;
 
 /// Bytes of a file header up to its list of image segments.
 const START_BYTES: u64 = 363;
+/// Offset of `ICAT` in an image header, bytes.
+const CATEGORY_OFFSET: u64 = 360;
 /// Bytes of an extension in which the standard's name is searched.
 const SEARCHED_BYTES: u64 = 1000;
 
@@ -56,6 +58,16 @@ impl NitfFile {
         let start = (self.source).bytes(image.header.offset, size, "an image header")?;
         let name = start.get(2..).unwrap_or_default();
         Ok(String::from_utf8_lossy(name).into_owned())
+    }
+
+    /// Category of an image segment (`ICAT`), such as `SAR`, or `LEG` for a legend.
+    ///
+    /// # Errors
+    /// [`ReadError::Malformed`] if the header is truncated; [`ReadError::Io`].
+    pub fn category(&self, image: &Segment) -> Result<String, ReadError> {
+        let offset = image.header.offset + CATEGORY_OFFSET;
+        let field = self.source.bytes(offset, 8, "an image header")?;
+        Ok(String::from_utf8_lossy(&field).trim().to_owned())
     }
 
     /// Layout of an image segment, from its header.
@@ -328,6 +340,8 @@ pub struct Layout {
     pub kind: String,
     /// Number of bands of the segment.
     pub bands: usize,
+    /// Look-up tables of the first band (`LUTD`), one byte per entry.
+    pub tables: Vec<Vec<u8>>,
     /// Order of bands and pixels (`IMODE`).
     pub mode: String,
     /// Number of blocks per row and per column.
@@ -374,12 +388,17 @@ impl Layout {
             ));
         }
         let bands = fields.count(1)?;
-        for _ in 0..bands {
+        let mut tables = Vec::new();
+        for band in 0..bands {
             fields.skip(2 + 6 + 1 + 3)?;
-            let tables = fields.count(1)?;
-            if tables > 0 {
-                let entries = fields.count(5)?;
-                fields.skip(tables * entries)?;
+            let count = fields.count(1)?;
+            let entries = if count > 0 { fields.count(5)? } else { 0 };
+            for _ in 0..count {
+                let from = fields.at;
+                fields.skip(entries)?;
+                if band == 0 {
+                    tables.push(header[from..fields.at].to_vec());
+                }
             }
         }
         fields.skip(1)?;
@@ -392,6 +411,7 @@ impl Layout {
             columns,
             kind,
             bands,
+            tables,
             mode,
             blocks,
             block,

@@ -50,6 +50,15 @@ impl SignalFormat {
         }
     }
 
+    /// Limits of the integer type; `None` for floating point.
+    pub(crate) fn integer_range(self) -> Option<[f32; 2]> {
+        match self {
+            Self::Ci2 => Some([i8::MIN, i8::MAX].map(f32::from)),
+            Self::Ci4 => Some([i16::MIN, i16::MAX].map(f32::from)),
+            Self::Cf8 => None,
+        }
+    }
+
     /// Decodes as many samples as `samples` holds. Integers are exact in float32.
     pub(crate) fn decode(self, bytes: &[u8], samples: &mut [Complex32]) {
         debug_assert_eq!(bytes.len(), samples.len() * self.sample_bytes());

@@ -1,4 +1,4 @@
-//! Open file, or the bytes of a file, with reads at given positions, checked against its length at opening.
+//! Open file on disk, in memory or at a URL, with reads at given positions, checked against its length at opening.
 
 use std::fs::File;
 use std::io;
@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use crate::input::Stamp;
+use crate::remote::{self, Remote};
 use crate::xml::parsed_bytes;
 use subaperture_model::phase_history::{InputFile, ReadError};
 
@@ -36,19 +37,29 @@ pub struct Source {
 enum Content {
     File { file: File, stamp: Stamp },
     Memory(Vec<u8>),
+    Remote(Box<Remote>),
 }
 
 impl Source {
-    /// Open a file for positioned reads.
+    /// Open a file, or a URL by the opener of [`remote`], for positioned reads.
     ///
     /// # Errors
-    /// [`ReadError::Io`] if the system refuses, or it is a folder.
+    /// [`ReadError::Io`] if the system refuses, it is a folder, or the URL cannot be opened.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|source| ReadError::Io {
+        let io = |source| ReadError::Io {
             path: path.to_owned(),
             source,
-        })?;
-        Self::of(file, path)
+        };
+        if let Some(url) = remote::url(path) {
+            let file = Remote::open(url).map_err(io)?;
+            return Ok(Self {
+                len: file.len(),
+                content: Content::Remote(Box::new(file)),
+                path: path.to_owned(),
+                checksum: OnceLock::new(),
+            });
+        }
+        Self::of(File::open(path).map_err(io)?, path)
     }
 
     /// An open file; `path` is for errors.
@@ -83,13 +94,20 @@ impl Source {
         }
     }
 
-    /// Memory that holds the bytes of the file; 0 for a file on disk.
+    /// Memory that holds bytes of the file; 0 for a file on disk.
     #[cfg(feature = "cphd")]
     pub(crate) fn held_bytes(&self) -> u64 {
         match &self.content {
             Content::File { .. } => 0,
             Content::Memory(bytes) => bytes.len() as u64,
+            Content::Remote(file) => file.held_bytes(),
         }
+    }
+
+    /// Whether the bytes are at a URL.
+    #[cfg(feature = "cphd")]
+    pub(crate) fn is_remote(&self) -> bool {
+        matches!(self.content, Content::Remote(_))
     }
 
     /// Path of the file.
@@ -117,14 +135,18 @@ impl Source {
         match &self.content {
             Content::File { file, stamp } => stamp.check(file, &self.path),
             Content::Memory(_) => Ok(()),
+            Content::Remote(file) => file.check_unchanged(&self.path),
         }
     }
 
-    /// Path, size and CRC-32 of the file, computed once.
+    /// Path, size and CRC-32 of the file, computed once; the version of a file at a URL.
     ///
     /// # Errors
     /// [`ReadError::Changed`] if the file was written to since it was opened; [`ReadError::Io`].
     pub fn input(&self) -> Result<InputFile, ReadError> {
+        if let Content::Remote(file) = &self.content {
+            return file.input(&self.path);
+        }
         let checksum = match self.checksum.get() {
             Some(&known) => known,
             None => {
@@ -141,11 +163,11 @@ impl Source {
             }
         };
         self.check_unchanged()?;
-        Ok(InputFile {
-            path: self.path.clone(),
-            bytes: self.len,
-            crc32: format!("{checksum:08x}"),
-        })
+        Ok(InputFile::with_crc32(
+            &self.path,
+            self.len,
+            format!("{checksum:08x}"),
+        ))
     }
 
     /// Read `count` records of `width` bytes from `offset` on, in chunks, and pass each to `take` with its index; `block` names
@@ -250,6 +272,7 @@ impl Source {
         let read = match &self.content {
             Content::File { file, .. } => read_exact_at(file, offset, bytes),
             Content::Memory(held) => copy_at(held, offset, bytes),
+            Content::Remote(file) => file.read_at(offset, bytes),
         };
         read.map_err(|source| {
             if source.kind() == io::ErrorKind::UnexpectedEof {

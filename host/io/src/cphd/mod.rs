@@ -68,6 +68,7 @@
 //!         start_hz: 9.6e9,
 //!         step_hz: 1e6,
 //!         sweep: Sweep::AT_ONCE,
+//!         recorded_path_m: None,
 //!     }
 //! };
 //! let collection = Collection {

@@ -13,9 +13,12 @@ use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse};
 use subaperture_signal::fast_length::fast_length;
 
-/// Fraction of the unambiguous delay `1 / SCSS` between TOA1 and TOA2: an oversampling of 1.25 (the standard requires
-/// at least 1.1).
+/// Fraction of the unambiguous delay `1 / SCSS` within which the default scene lies.
 const SWATH: f64 = 0.8;
+
+/// Largest fraction of the unambiguous delay between TOA1 and TOA2. The standard requires an oversampling of at least
+/// 1.1, and recommends 1.2.
+const LARGEST_SWATH: f64 = 0.833;
 
 /// Minimum oversampling of TOA samples.
 const TOA_OVERSAMPLING: f64 = 1.25;
@@ -64,10 +67,9 @@ impl Prepared {
         };
         let bins = Bins::of_count(num_samples);
         let largest_step_hz = pulses.iter().fold(0.0, |a: f64, p| a.max(p.step_hz));
-        let toa2 = 0.5 * SWATH / largest_step_hz;
         let extent = match collection.extent {
             Some(extent) => check_area(extent).map_err(unsuited)?,
-            None => covered_square(toa2, pulses),
+            None => covered_square(0.5 * SWATH / largest_step_hz, pulses),
         };
         let mut records = Vec::with_capacity(pulses.len());
         for (index, pulse) in pulses.iter().enumerate() {
@@ -76,6 +78,7 @@ impl Prepared {
             let (tx_pos, rcv_pos) = (ecf(pulse.transmitter_m), ecf(pulse.receiver_m));
             let srp_pos = ecf(reference_m);
             let path_m = (tx_pos - srp_pos).length() + (rcv_pos - srp_pos).length();
+            let [toa1, toa2] = recorded_toa(pulse);
             let axis = sample_axis(pulse, num_samples, stored_samples, domain);
             records.push(Record {
                 tx_time: pulse.time_s,
@@ -89,7 +92,7 @@ impl Prepared {
                 a_frr2: 2.0 * pulse.sweep.sample_s / (SPEED_OF_LIGHT_M_S * pulse.step_hz),
                 fx1: axis.fx1,
                 fx2: axis.fx2,
-                toa1: -toa2,
+                toa1,
                 toa2,
                 sc0: axis.sc0,
                 scss: axis.scss,
@@ -142,6 +145,18 @@ impl Prepared {
         let first = self.records[0].srp_pos;
         self.records.iter().all(|r| r.srp_pos == first)
     }
+}
+
+/// TOA1 and TOA2 of a pulse: the interval of its recorded paths, shortened about its middle to the largest swath that
+/// the standard permits.
+fn recorded_toa(pulse: &Pulse) -> [f64; 2] {
+    let half = 0.5 * LARGEST_SWATH / pulse.step_hz;
+    let Some(paths_m) = pulse.recorded_path_m else {
+        return [-half, half];
+    };
+    let toa = paths_m.map(|path_m| (path_m - pulse.reference_path_m) / SPEED_OF_LIGHT_M_S);
+    let middle = 0.5 * (toa[0] + toa[1]);
+    [toa[0].max(middle - half), toa[1].min(middle + half)]
 }
 
 /// Square within the circle that a swath up to `toa2` covers at any aspect angle, around the mean reference point.

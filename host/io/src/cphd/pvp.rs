@@ -21,6 +21,8 @@ pub(super) struct Layout {
     sweep: Option<([Field; 2], Field)>,
     fx1: Field,
     fx2: Field,
+    /// TOA1 and TOA2, if both are given.
+    toa: Option<[Field; 2]>,
     sc0: Field,
     scss: Field,
     amp_sf: Option<Field>,
@@ -41,6 +43,8 @@ pub(super) struct Vector {
     pub(super) sweep: Option<([DVec3; 2], f64)>,
     pub(super) fx1: f64,
     pub(super) fx2: f64,
+    /// Interval of TOA1 to TOA2, seconds, where it is given.
+    pub(super) toa: Option<[f64; 2]>,
     pub(super) sc0: f64,
     pub(super) scss: f64,
     pub(super) amp_sf: Option<f64>,
@@ -84,6 +88,9 @@ impl Layout {
                 .map(|((transmitter, receiver), rate)| ([transmitter, receiver], rate)),
             fx1: required("FX1", SCALAR)?,
             fx2: required("FX2", SCALAR)?,
+            toa: field("TOA1", SCALAR)?
+                .zip(field("TOA2", SCALAR)?)
+                .map(|(first, last)| [first, last]),
             sc0: required("SC0", SCALAR)?,
             scss: required("SCSS", SCALAR)?,
             amp_sf: field("AmpSF", SCALAR)?,
@@ -145,6 +152,11 @@ impl Layout {
             },
             fx1: finite(self.fx1, 0)?,
             fx2: finite(self.fx2, 0)?,
+            // Equal, exchanged or undefined numbers state no interval.
+            toa: (self
+                .toa
+                .map(|fields| fields.map(|field| record.number(field))))
+            .filter(|[first, last]| first < last && first.is_finite() && last.is_finite()),
             sc0: finite(self.sc0, 0)?,
             scss: finite(self.scss, 0)?,
             amp_sf: self.amp_sf.map(|f| finite(f, 0)).transpose()?,

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -20,8 +20,9 @@ use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::in_xml;
 use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
 use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, PhaseReference,
-    PhaseSign, Pulse, ReadError, check_finite, misplaced, named_pulses,
+    Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory,
+    PhaseReference, PhaseSign, Pulse, ReadError, check_finite, misplaced, named_pulses,
+    pulse_defects,
 };
 
 /// Maximum memory per vector in addition to its [`Pulse`] in bytes: AmpSF, a shift, and a spare byte.
@@ -67,6 +68,8 @@ pub struct Cphd {
     missing: Missing,
     /// Warnings about omitted vectors, one sentence each.
     warnings: Vec<String>,
+    /// Missing vectors and vectors of zeros, examined when first requested.
+    defects: OnceLock<Vec<Defect>>,
     arrival: Option<Arrival>,
     /// True positions of the antennas, if the file has them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
@@ -289,6 +292,17 @@ impl Cphd {
         &self.info().channels[self.channel]
     }
 
+    /// Missing vectors and vectors of zeros. Those at a URL are not examined. Vectors that cannot be read give no defect here: forming the image fails with
+    /// the reason.
+    fn pulse_defects(&self) -> &[Defect] {
+        self.defects.get_or_init(|| {
+            if self.container.source.is_remote() {
+                return Vec::new();
+            }
+            pulse_defects(self, &|pulse| self.missing.vector(pulse)).unwrap_or_default()
+        })
+    }
+
     /// Read stored samples from flat index `first` on, converted only in number format.
     fn read_stored(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let source = &self.container.source;
@@ -425,6 +439,7 @@ impl FileChannel for Cphd {
                 )
                 .collect(),
             missing,
+            defects: OnceLock::new(),
             arrival,
             true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
             antennas: antenna_fields.is_some().then_some(antennas),
@@ -479,7 +494,12 @@ impl PhaseHistory for Cphd {
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+        let defects = self.pulse_defects().iter().map(Defect::warning);
+        self.warnings.iter().cloned().chain(defects).collect()
+    }
+
+    fn defects(&self) -> Vec<Defect> {
+        self.pulse_defects().to_vec()
     }
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {

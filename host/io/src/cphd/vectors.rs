@@ -52,6 +52,23 @@ pub(crate) fn scale_fault(scale: f64) -> Option<String> {
     })
 }
 
+/// Fraction of the unambiguous delay from which TOA1 to TOA2 is the swath of a vector without a shorter receive window.
+const WHOLE_SWATH: f64 = 0.8;
+
+/// Recorded two-way paths: between TOA1 and TOA2, where the standard has the echoes complete, or the whole unambiguous
+/// interval about their middle where they leave only the oversampling that the standard requires.
+fn recorded(vector: &Vector, pulse: &Pulse) -> Option<[f64; 2]> {
+    let [first, last] = vector.toa?;
+    let is_whole = (last - first) * pulse.step_hz >= WHOLE_SWATH * (1.0 - 1e-9);
+    let half = match is_whole {
+        true => (0.5 / pulse.step_hz).max(0.5 * (last - first)),
+        false => 0.5 * (last - first),
+    };
+    let middle = 0.5 * (first + last);
+    let ends = [middle - half, middle + half];
+    Some(ends.map(|toa| SPEED_OF_LIGHT_M_S * toa + pulse.reference_path_m))
+}
+
 /// Per-vector parameters held after opening.
 pub(super) struct Vectors {
     pub(super) domain: Domain,
@@ -102,7 +119,7 @@ impl Vectors {
             Domain::Fx => (vector.sc0, vector.scss),
             Domain::Toa => self.arrival_band(index, vector)?,
         };
-        let pulse = Pulse {
+        let mut pulse = Pulse {
             time_s: vector.tx_time,
             transmitter_m: self.frame.from_ecf_m(vector.tx_pos),
             receiver_m: self.frame.from_ecf_m(vector.rcv_pos),
@@ -113,7 +130,9 @@ impl Vectors {
             start_hz,
             step_hz,
             sweep: self.sweep(vector, step_hz),
+            recorded_path_m: None,
         };
+        pulse.recorded_path_m = recorded(vector, &pulse);
         let count = self.bins.map_or(self.stored_samples, |bins| bins.count);
         if let Some(what) = pulse.fault(count) {
             return Err(format!(

@@ -13,7 +13,7 @@ use crate::container::SignalFormat;
 use crate::container::Source;
 use crate::receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::phase_history::{InputFile, ReadError};
+use subaperture_model::phase_history::{InputFile, ReadError, check_finite};
 use subaperture_model::radar::{PulseShape, Waveform};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
@@ -202,6 +202,32 @@ impl Vectors {
     /// Velocities of transmitter and receiver in the scene frame for every echo.
     pub(super) fn velocities_m_s(&self) -> Vec<[DVec3; 2]> {
         self.turns.iter().map(|turn| turn.velocities_m_s).collect()
+    }
+
+    /// Number of the vector of echo `n` in the file.
+    pub(super) fn vector(&self, n: usize) -> usize {
+        self.turns[n].vector
+    }
+
+    /// Limits of the integer type of the stored samples. `None` if the scales of the vectors differ: a writer that scales each vector to the
+    /// full range reaches the limits without clipping.
+    pub(super) fn integer_range(&self) -> Option<[f32; 2]> {
+        let is_uniform = self
+            .turns
+            .windows(2)
+            .all(|pair| pair[0].scale == pair[1].scale);
+        self.stored.format.integer_range().filter(|_| is_uniform)
+    }
+
+    /// Read the samples of echo `n` as stored, without the scale of the vector. A scale of 0 gives zeros.
+    pub(super) fn read_stored(&self, n: usize, row: &mut [Complex32]) -> Result<(), ReadError> {
+        let (stored, turn) = (&self.stored, &self.turns[n]);
+        let first = turn.vector * stored.num_samples;
+        (stored.source).read_samples(stored.format, stored.offset, first, row)?;
+        if turn.scale == 0.0 {
+            row.fill(Complex32::ZERO);
+        }
+        check_finite(&stored.source.name(), n, stored.num_samples, row)
     }
 
     /// Read vectors that are adjacent in the file.

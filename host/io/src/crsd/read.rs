@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use num_complex::Complex32;
 
@@ -14,11 +14,13 @@ use super::{pulses, vectors};
 use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::{in_xml, read_xml};
 use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
-use crate::receive::{Compressed, Filter};
+use crate::raw_check::stored;
+use crate::raw_check::{Named, Report};
+use crate::receive::{Compressed, Echoes, Filter};
 use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::phase_history::{
-    Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
-    Pulse, ReadError, check_finite,
+    Channel, Collection, Defect, DefectKind, InputFile, PhaseConvention, PhaseHistory,
+    PhaseReference, PhaseSign, Pulse, ReadError, check_finite,
 };
 
 /// Bytes per sample for the transform plan and one vector being transformed, as for CPHD.
@@ -29,11 +31,16 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 /// Opening reads the header, the XML, the pulses of the channel's transmit sequence and the channel's vectors.
 /// Samples are read on demand, so several threads can read from one `Crsd`. Memory: the [`Collection`], about 300
 /// bytes per vector, and the transform plan, about 256 bytes per sample of one vector.
+///
+/// [`PhaseHistory::warnings`] and [`PhaseHistory::defects`] examine the samples as stored on the first call: evenly spaced vectors, at most
+/// 4 million samples or 32 vectors, whichever is more. Files at URLs are not examined, because their bytes would be transferred.
 pub struct Crsd {
     container: Arc<Container>,
     channel: usize,
     compressed: Compressed<Vectors>,
     held_bytes: u64,
+    /// Warnings and defects, determined on first use.
+    report: OnceLock<Report>,
 }
 
 /// State shared by the channels of a file.
@@ -173,6 +180,43 @@ impl Crsd {
     pub fn channel(&self) -> &CrsdChannel {
         &self.info().channels[self.channel]
     }
+
+    fn report(&self) -> &Report {
+        self.report.get_or_init(|| {
+            let mut report = Report::default();
+            let (name, pulses) = (&self.collection().name, &self.collection().pulses);
+            let (all, kept) = (self.channel().num_vectors, pulses.len() as u64);
+            let named = Named {
+                recording: name,
+                channel: Some(&self.channel().id),
+                receiver: None,
+            };
+            let without = all.saturating_sub(kept);
+            if without > 0 {
+                report.warnings.push(format!(
+                    "{name}: {without} of {all} vectors left out: no echo of a pulse (SIGNAL other than 1, or no TxPulseIndex)"
+                ));
+            } else {
+                let times_s: Vec<f64> = pulses.iter().map(|pulse| pulse.time_s).collect();
+                if let Some(gaps) = DefectKind::gaps(&times_s, 0) {
+                    report.add(named.defect([pulses.len(); 2], gaps), "");
+                }
+            }
+            if !self.container.source.is_remote() {
+                let echoes = self.compressed.echoes();
+                let stored = stored::Stored {
+                    named,
+                    format: "CRSD",
+                    num_pulses: pulses.len(),
+                    num_samples: echoes.collection().waveform.num_samples(),
+                    integer_range: echoes.integer_range(),
+                };
+                let read = |n: usize, row: &mut [Complex32]| echoes.read_stored(n, row);
+                report.extend(stored.examine(|n| echoes.vector(n), read));
+            }
+            report
+        })
+    }
 }
 
 impl FileChannel for Crsd {
@@ -187,7 +231,8 @@ impl FileChannel for Crsd {
         let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
         let held_bytes = (chosen.num_vectors)
             .saturating_mul(KEPT_BYTES + size_of::<Pulse>() as u64)
-            .saturating_add(chosen.num_samples.saturating_mul(TRANSFORM_BYTES));
+            .saturating_add(chosen.num_samples.saturating_mul(TRANSFORM_BYTES))
+            .saturating_add(source.held_bytes());
         let pulses_bytes = sequence.num_pulses.saturating_mul(size_of::<Sent>() as u64);
         let opening_bytes = pulses_bytes.saturating_add(CHUNK_BYTES as u64);
         source.check_memory(held_bytes.saturating_add(opening_bytes), memory_bytes)?;
@@ -249,6 +294,7 @@ impl FileChannel for Crsd {
             channel,
             compressed,
             held_bytes,
+            report: OnceLock::new(),
             container,
         })
     }
@@ -267,18 +313,11 @@ impl PhaseHistory for Crsd {
     }
 
     fn warnings(&self) -> Vec<String> {
-        let (all, kept) = (
-            self.channel().num_vectors,
-            self.collection().pulses.len() as u64,
-        );
-        let without = all.saturating_sub(kept);
-        let warning = || {
-            format!(
-                "{}: {without} of {all} vectors left out: no echo of a pulse (SIGNAL other than 1, or no TxPulseIndex)",
-                self.collection().name
-            )
-        };
-        (without > 0).then(warning).into_iter().collect()
+        self.report().warnings.clone()
+    }
+
+    fn defects(&self) -> Vec<Defect> {
+        self.report().defects.clone()
     }
 
     fn start_ns(&self) -> Option<i64> {

@@ -19,6 +19,8 @@ pub struct Array {
     pub shape: Vec<usize>,
     /// Values, as many as the product of the sizes.
     pub values: Values,
+    /// Smallest and largest value of an integer type; `None` for floats.
+    pub integer_range: Option<[f64; 2]>,
 }
 
 /// Values of an array.
@@ -90,12 +92,15 @@ impl Array {
                  (real part, imaginary part), little-endian"
             )));
         };
-        let (Some(sizes), "False") = (&header.sizes, header.order.as_str()) else {
+        let (Some(sizes), "False" | "True") = (&header.sizes, header.order.as_str()) else {
             return Err(unsuited(format!(
-                "expected C order (numpy.ascontiguousarray(a)), found fortran_order {} and shape {}",
+                "expected fortran_order False or True and a shape of integers, found fortran_order {} and shape {}",
                 header.order, header.shape
             )));
         };
+        // Both orders are the same for an array with one axis that is longer than 1.
+        let is_fortran =
+            header.order == "True" && sizes.iter().filter(|&&size| size > 1).count() > 1;
         // Zero sizes are skipped, so that no partial product overflows for readers of the shape.
         let product = sizes.iter().fold(1u128, |product, &size| {
             product.saturating_mul(u128::from(size.max(1)))
@@ -107,10 +112,16 @@ impl Array {
             )));
         }
         let count = if sizes.contains(&0) { 0 } else { product };
-        let needed = count.saturating_mul(8);
+        let needed = count.saturating_mul(if is_fortran { 16 } else { 8 });
         if needed > u128::from(memory_bytes) {
+            let order = match is_fortran {
+                true => {
+                    " in Fortran order, which is converted in memory (numpy.ascontiguousarray(a) saves C order),"
+                }
+                false => "",
+            };
             return Err(unsuited(format!(
-                "{count} values need {needed} bytes of memory, but {memory_bytes} are left: \
+                "{count} values{order} need {needed} bytes of memory, but {memory_bytes} are left: \
                  allow more memory"
             )));
         }
@@ -131,11 +142,39 @@ impl Array {
         if let (Some(what), Values::Complex(_)) = (range.fault(), &values) {
             return Err(unsuited(what));
         }
+        let shape: Vec<usize> = sizes.iter().map(|&size| size as usize).collect();
+        if is_fortran {
+            values = match values {
+                Values::Real(values) => Values::Real(in_c_order(&shape, &values)),
+                Values::Complex(values) => Values::Complex(in_c_order(&shape, &values)),
+            };
+        }
         Ok(Self {
-            shape: sizes.iter().map(|&size| size as usize).collect(),
+            shape,
             values,
+            integer_range: element.range(),
         })
     }
+}
+
+/// Values in C order (last index fastest) of values in Fortran order (first index fastest).
+fn in_c_order<T: Copy>(shape: &[usize], values: &[T]) -> Vec<T> {
+    let mut index = vec![0; shape.len()];
+    let mut ordered = Vec::with_capacity(values.len());
+    for _ in 0..values.len() {
+        let place = (index.iter().zip(shape))
+            .rev()
+            .fold(0, |place, (i, size)| place * size + i);
+        ordered.push(values[place]);
+        for (i, size) in index.iter_mut().zip(shape).rev() {
+            *i += 1;
+            if *i < *size {
+                break;
+            }
+            *i = 0;
+        }
+    }
+    ordered
 }
 
 /// Type of a number.
@@ -191,6 +230,21 @@ impl Element {
             bytes,
             pair: false,
         })
+    }
+
+    /// Smallest and largest integer of the type.
+    fn range(self) -> Option<[f64; 2]> {
+        let bytes = if self.pair {
+            self.bytes / 2
+        } else {
+            self.bytes
+        };
+        let size = libm::exp2(8.0 * bytes as f64);
+        match self.kind {
+            b'i' => Some([-0.5 * size, 0.5 * size - 1.0]),
+            b'u' => Some([0.0, size - 1.0]),
+            _ => None,
+        }
     }
 
     fn no_values(self) -> Values {
@@ -309,6 +363,37 @@ mod tests {
                 "{kind}"
             );
         }
+    }
+
+    /// `numpy.save` of `numpy.arange(6).reshape(2, 3)` and of `numpy.arange(8).reshape(2, 2, 2)` in Fortran order.
+    #[test]
+    fn fortran_order_becomes_c_order() {
+        let fortran = |shape: &str, values: &[u8]| {
+            let file = file("|u1", shape, values);
+            let at = file.windows(5).position(|word| word == b"False").unwrap();
+            [
+                &file[..at],
+                b"True",
+                &file[at + 5..file.len() - values.len() - 1],
+                b" \n",
+                values,
+            ]
+            .concat()
+        };
+        let two = read(&fortran("(2, 3)", &[0, 3, 1, 4, 2, 5])).unwrap();
+        assert_eq!(two.shape, [2, 3]);
+        assert_eq!(two.real().unwrap(), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        let three = read(&fortran("(2, 2, 2)", &[0, 4, 2, 6, 1, 5, 3, 7])).unwrap();
+        let expected: Vec<f64> = (0..8u8).map(f64::from).collect();
+        assert_eq!(three.real().unwrap(), expected);
+        // Twice the memory: 1000 bytes suffice for 125 values of one order, and for 62 that are converted.
+        assert!(read(&fortran("(1, 125)", &[7; 125])).is_ok());
+        assert!(read(&fortran("(2, 31)", &[7; 62])).is_ok());
+        let error = read(&fortran("(9, 7)", &[7; 63])).unwrap_err();
+        assert!(
+            error.contains("Fortran order") && error.contains("1008 bytes"),
+            "{error}"
+        );
     }
 
     #[test]

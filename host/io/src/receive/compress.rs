@@ -20,7 +20,9 @@
 //! gain `B T` in the sum over the band, and differ by the Fresnel ripple.
 //!
 //! The band is `-B/2 ..= B/2`, with `B` the swept bandwidth or the inverse of the chip duration; frequencies are
-//! `sample_rate / N` apart. Echoes outside the receive window wrap around, as in any circular filter. Motion during the
+//! `sample_rate / N` apart. Echoes outside the receive window wrap around, as in any circular filter; the window
+//! from its start `t_w` to a pulse's duration `T` before its end holds echoes completely, and is the pulses'
+//! [`recorded_path_m`](subaperture_model::phase_history::Pulse::recorded_path_m) (its ends are exchanged where the pulse is longer than the window). Motion during the
 //! pulse is neglected unless given by [`Compressed::moving`]: the Doppler shift times the pulse duration is `2 v T /
 //! lambda` turns, 0.07 for 100 m/s, 10 us and 3 cm, and is common to all scatterers with the same range rate.
 //!
@@ -147,9 +149,15 @@ impl<E: Echoes> Compressed<E> {
                 let rate_hz_s = bandwidth_hz / duration_s;
                 Some(if *rising { rate_hz_s } else { -rate_hz_s })
             }
-            PulseShape::PhaseCode { .. } => None,
+            PulseShape::PhaseCode { .. } | PulseShape::Recorded { .. } => None,
         };
-        let collection = collection_of(&echoes, (start_hz, step_hz, pulse.len()), 0.0);
+        let mut collection = collection_of(&echoes, (start_hz, step_hz, pulse.len()), 0.0);
+        let late_s = num_samples as f64 / sample_rate_hz - shape.duration_s();
+        for (n, pulse) in collection.pulses.iter_mut().enumerate() {
+            let start_s = echoes.window_start_s(n);
+            let ends_s = [start_s + late_s.min(0.0), start_s + late_s.max(0.0)];
+            pulse.recorded_path_m = Some(ends_s.map(|s| s * SPEED_OF_LIGHT_M_S));
+        }
         Ok(Self {
             echoes,
             collection,
@@ -177,9 +185,11 @@ impl<E: Echoes> Compressed<E> {
             // Positions are those of the middle sample.
             let middle_hz = pulse.frequency_hz(self.filter.len() / 2);
             let after_s = (middle_hz - self.centre_hz) / chirp_hz_s;
+            // Bias of the recorded path.
+            let excess_m = pulse.reference_path_m - pulse.path_m(pulse.reference_m);
             pulse.transmitter_m += transmitter_m_s * after_s;
             pulse.receiver_m += receiver_m_s * after_s;
-            pulse.reference_path_m = pulse.path_m(pulse.reference_m);
+            pulse.reference_path_m = pulse.path_m(pulse.reference_m) + excess_m;
             pulse.sweep = Sweep {
                 sample_s: pulse.step_hz / chirp_hz_s,
                 transmitter_m_s,

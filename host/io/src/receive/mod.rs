@@ -159,6 +159,7 @@ fn collection_of(
         start_hz,
         step_hz,
         sweep: sweep_of(echoes, n, count, sample_s),
+        recorded_path_m: None,
     };
     Collection {
         name: from.name.clone(),

@@ -115,6 +115,8 @@ impl Profiles {
         for pulse in &mut collection.pulses {
             pulse.start_hz = centre_hz + first_step * step_hz;
             pulse.step_hz = step_hz;
+            let last_m = axis.first_range_m + bins as f64 * axis.range_step_m;
+            pulse.recorded_path_m = Some([2.0 * axis.first_range_m, 2.0 * last_m]);
         }
         Ok(Self {
             collection,
@@ -201,6 +203,7 @@ mod tests {
                 start_hz: 0.0,
                 step_hz: 0.0,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }],
             frame: SceneFrame::Local,
             extent: None,

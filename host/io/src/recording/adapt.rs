@@ -4,13 +4,11 @@ use num_complex::Complex32;
 
 use super::analytic;
 use super::arrays::Source;
-use super::keys::{
-    Background, RadarKeys, RecordingDescription, RecordingKeys, WaveformKeys, WaveformKeysPulsed,
-    WaveformKeysStepped,
-};
+use super::keys::{Background, RadarKeys, RecordingDescription, RecordingKeys, WaveformKeys};
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
-use super::samples::{Rows, Samples};
+use super::samples::Samples;
+use super::waveform;
 use crate::receive::{
     Compressed, Deskewed, EchoCollection, EchoPulse, Echoes, Filter, ProfileAxis, Profiles,
     ReceiveError, Referenced, Skew, StoredEchoes, remove_background,
@@ -18,10 +16,10 @@ use crate::receive::{
 use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
 use subaperture_describe::place;
-use subaperture_describe::radar::{IntraPulse, ShapeKeys};
+use subaperture_describe::radar::IntraPulse;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Extent;
-use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
+use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_model::radar::{Reference, Waveform};
 
 use glam::DVec3;
@@ -34,15 +32,18 @@ pub(super) fn adapt(
     pulses: &Pulses,
 ) -> Result<InMemory, Fault> {
     let (recording, scene) = (&top.recording, &top.scene);
-    check_memory(source, pulses.chosen.len(), samples.num_samples)?;
     let header = Header {
         name: name(top, source),
         pulses,
         extent: place::extent(&scene.x_m, &scene.y_m)?,
         bias_path_m: 2.0 * recording.range_bias_m,
-        given: place::reference(scene.reference_m, &scene.reference_range_m)?,
+        given: match &pulses.in_flight {
+            Some(in_flight) => Some(Reference::Point(in_flight.reference_m)),
+            None => place::reference(scene.reference_m, &scene.reference_range_m)?,
+        },
     };
     let mut raw = rows_of(recording, pulses, &samples);
+    check_finite(recording, pulses, samples.num_samples, &raw)?;
     if samples.real
         && let WaveformKeys::Fmcw(fmcw) = &*top.radar.kind
     {
@@ -55,24 +56,7 @@ pub(super) fn adapt(
             let built = from_profiles(radar, &profiles.band_hz, source, &samples, &header, raw)?;
             return built.map_err(|fault| recording.file.fault(fault));
         }
-        WaveformKeys::Fmcw(fmcw) => {
-            let waveform = Waveform::Fmcw {
-                start_hz: fmcw.start_hz,
-                chirp_hz_s: fmcw.slope_hz_s,
-                sample_rate_hz: fmcw.sample_rate_hz,
-                num_samples: samples.num_samples,
-                mixer_delay_s: fmcw.mixer_delay_s,
-            };
-            (waveform, *fmcw.motion)
-        }
-        WaveformKeys::Pulsed(keys) => {
-            let waveform = pulsed(radar, keys, samples.num_samples)?;
-            (waveform, IntraPulse::StopAndGo)
-        }
-        WaveformKeys::Stepped(keys) => {
-            let waveform = stepped(radar, keys, samples.num_samples)?;
-            (waveform, *keys.motion)
-        }
+        kind => waveform::of(radar, kind, source, &samples)?,
     };
     let moves = motion == IntraPulse::True;
     from_echoes(radar, waveform, moves, &samples, &header, raw)?
@@ -80,7 +64,11 @@ pub(super) fn adapt(
 }
 
 /// Check that memory suffices for the samples as read, in the adapter, and as phase history.
-fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Result<(), Fault> {
+pub(super) fn check_memory(
+    source: &Source,
+    num_pulses: usize,
+    num_samples: usize,
+) -> Result<(), Fault> {
     let needed = 24 * (num_pulses as u64).saturating_mul(num_samples as u64);
     let left = source.left_bytes();
     if needed <= left {
@@ -94,20 +82,27 @@ fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Resul
     ))
 }
 
+/// Check that the samples are finite. The error names the pulse by its number in the recording.
+fn check_finite(
+    recording: &RecordingKeys,
+    pulses: &Pulses,
+    num_samples: usize,
+    raw: &[Complex32],
+) -> Result<(), Fault> {
+    match raw.iter().position(|z| !(z.re.is_finite() && z.im.is_finite())) {
+        None => Ok(()),
+        Some(i) => Err(recording.values_fault(format!(
+            "sample {} of pulse {} is not a finite number: repair it, or leave the pulse out by [recording] first and count",
+            i % num_samples,
+            pulses.chosen[i / num_samples].index
+        ))),
+    }
+}
+
 /// Samples of the chosen pulses, with the sweeps of a pulse averaged.
 fn rows_of(recording: &RecordingKeys, pulses: &Pulses, samples: &Samples) -> Vec<Complex32> {
-    let a_pulse = recording.sweeps_a_pulse();
-    let (every, turns) = (*recording.transmitters, *recording.average);
-    let rows = pulses.chosen.iter().map(|pulse| {
-        let channel = &pulses.antennas.channels[pulse.channel];
-        Rows {
-            first: pulse.index * a_pulse + channel.transmitter,
-            every,
-            count: turns,
-            receiver: channel.receiver,
-        }
-    });
-    samples.of(rows)
+    let rows = pulses.chosen.iter();
+    samples.of(rows.map(|pulse| pulses.rows(recording, pulse.index, pulse.channel)))
 }
 
 /// Phase history from range profiles. The inner error concerns the file.
@@ -167,10 +162,24 @@ fn from_echoes(
             &Deskewed::new(held, half_delay_s, Skew::Removed).map_err(received)?,
             header,
         ),
-        Waveform::Pulsed { .. } => whole(
-            &Compressed::new(held, Filter::Inverse).map_err(received)?,
-            header,
-        ),
+        Waveform::Pulsed { .. } => {
+            let compressed = Compressed::new(held, Filter::Inverse).map_err(received)?;
+            match &header.pulses.in_flight {
+                None => whole(&compressed, header),
+                Some(in_flight) => {
+                    let Pulses {
+                        chosen, antennas, ..
+                    } = header.pulses;
+                    let velocities = |n: usize| {
+                        let Chosen {
+                            channel, time_s, ..
+                        } = chosen[n];
+                        in_flight.velocities_m_s(time_s, |time_s| antennas.at_m(channel, time_s))
+                    };
+                    whole(&compressed.moving(velocities), header)
+                }
+            }
+        }
         _ => whole(&Referenced::new(held).map_err(received)?, header),
     })
 }
@@ -244,6 +253,7 @@ impl Header<'_> {
                     start_hz: 0.0,
                     step_hz: 0.0,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 })
                 .collect(),
             frame: self.pulses.frame,
@@ -263,6 +273,8 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String
         .map_err(|error| error.to_string())?;
     for pulse in &mut collection.pulses {
         pulse.reference_path_m -= header.bias_path_m;
+        let recorded = pulse.recorded_path_m.iter_mut().flatten();
+        recorded.for_each(|path_m| *path_m -= header.bias_path_m);
     }
     let num_samples = collection.num_samples;
     let fault = |(n, pulse): (usize, &Pulse)| pulse.fault(num_samples).map(|what| (n, what));
@@ -283,7 +295,8 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String
     InMemory::new(collection, samples).map_err(|error| error.to_string())
 }
 
-fn name(top: &RecordingDescription, source: &Source) -> String {
+/// Name of the recording: the given one, or that of its first file.
+pub(super) fn name(top: &RecordingDescription, source: &Source) -> String {
     top.name.clone().unwrap_or_else(|| {
         let file = source.file();
         let stem = file.file_stem().unwrap_or(file.as_os_str());
@@ -332,54 +345,6 @@ fn remove(
         }
     }
     Ok(())
-}
-
-fn pulsed(radar: &RadarKeys, keys: &WaveformKeysPulsed, count: usize) -> Result<Waveform, Fault> {
-    let shape = keys.pulse.shape(keys.sample_rate_hz)?;
-    // No echo of a longer pulse is recorded completely, and the computation would take as long as the pulse.
-    let recorded_s = count as f64 / keys.sample_rate_hz;
-    if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
-        let key = match &keys.pulse.kind {
-            ShapeKeys::Lfm(lfm) => &lfm.duration_s,
-            ShapeKeys::Code(code) => &code.chip_s,
-        };
-        return Err(key.fault(format!(
-            "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten it, or check [radar] sample_rate",
-            shape.duration_s() * 1e6,
-            recorded_s * 1e6
-        )));
-    }
-    let centre = radar.centre_hz.as_ref().ok_or_else(|| {
-        radar
-            .kind
-            .fault("the echoes are complex: give 'centre', the frequency that 0 Hz corresponds to")
-    })?;
-    Ok(Waveform::Pulsed {
-        centre_hz: **centre,
-        sample_rate_hz: keys.sample_rate_hz,
-        num_samples: count,
-        window_start_s: keys.window_start_s,
-        shape,
-    })
-}
-
-fn stepped(radar: &RadarKeys, keys: &WaveformKeysStepped, count: usize) -> Result<Waveform, Fault> {
-    let band = Band {
-        start_hz: keys.start_hz,
-        step_hz: keys.step_hz,
-        count,
-    };
-    match (radar.step_time_s, *keys.motion) {
-        (Some(step_s), _) => Ok(Waveform::Stepped {
-            band,
-            step_s,
-            dwell_s: step_s,
-        }),
-        (None, IntraPulse::True) => Err(keys.motion.fault(
-            "with motion = \"true\", give 'step_time' too: when a frequency's sample was taken",
-        )),
-        (None, IntraPulse::StopAndGo) => Ok(Waveform::Ideal { band }),
-    }
 }
 
 /// Range at the middle of the samples' unambiguous extent, bias included, metres.

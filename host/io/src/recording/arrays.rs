@@ -192,9 +192,5 @@ pub(super) fn input(path: &Path, stamp: Option<&Stamp>) -> Result<InputFile, Rea
     if let Some(stamp) = stamp {
         stamp.check(&file, path)?;
     }
-    Ok(InputFile {
-        path: path.to_owned(),
-        bytes,
-        crc32: format!("{crc:08x}"),
-    })
+    Ok(InputFile::with_crc32(path, bytes, format!("{crc:08x}")))
 }

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::DVec3;
 use subaperture_describe::declare::{Choice, Located, section};
-use subaperture_describe::error::Location;
+use subaperture_describe::error::{Fault, Location};
 use subaperture_describe::place::OriginKeys;
 use subaperture_describe::radar::{BeamKeys, IntraPulse, MountKeys, PulseKeys};
 use subaperture_describe::schema::Schema;
@@ -37,9 +37,9 @@ pub(super) struct RecordingDescription {
 /// Samples, and the pulses to use.
 #[section]
 pub(super) struct RecordingKeys {
-    /// File format: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or an array of a NumPy
-    /// archive.
-    #[key(required = "npz", select(Dca1000, Npy, Npz))]
+    /// File format: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; an array of a NumPy
+    /// archive; or Touchstone files (.s1p, .s2p, ...) of a vector network analyser, one for each pulse and receiver.
+    #[key(required = "npz", select(Dca1000, Npy, Npz, Touchstone))]
     pub(super) format: FormatKeys,
     /// File of the samples. Pulses of several files follow one another.
     #[key(required = "scan.npz")]
@@ -47,6 +47,9 @@ pub(super) struct RecordingKeys {
     /// Name of the samples' array in the archive.
     #[key(required = "scan_data", when(Npz))]
     pub(super) array: Located<String>,
+    /// Scattering parameter, from the transmitting port to the receiving port: s21 is from port 1 to port 2. Default: s21, or s11 of a single port.
+    #[key(example = "s21", when(Touchstone))]
+    pub(super) parameter: Option<Located<String>>,
     /// Axes of the array: rows and columns.
     #[key(default = "pulses-samples", when(Npy, Npz))]
     pub(super) layout: Layout,
@@ -54,6 +57,10 @@ pub(super) struct RecordingKeys {
     /// Default: the one of the first two with the clearly sharper image, otherwise iiqq, with a warning.
     #[key(example = "iiqq", when(Dca1000))]
     pub(super) order: Option<Order>,
+    /// ARRAY of the values of integer codes, as of block-adaptive quantisation: entry c is the value of code c, and negative codes count from the
+    /// end, as in NumPy. Codes of complex samples apply to I and Q. NaN is an invalid sample, which becomes 0. Default: codes are values.
+    #[key(example = "table.npy")]
+    pub(super) table: Option<Located<String>>,
     /// Samples per sweep.
     #[key(required = 256, whole(2, 1 << 24), when(Dca1000))]
     pub(super) samples: Located<usize>,
@@ -73,7 +80,8 @@ pub(super) struct RecordingKeys {
     #[key(default = 1, whole(1, 1 << 20))]
     pub(super) average: Located<usize>,
     /// Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). For rising sweeps with a positive beat it
-    /// is plus. Real samples have both. Default: the sign with the clearly sharper image; if neither is sharper, the recording is refused.
+    /// is plus. Real samples have both. Default: minus for Touchstone files; otherwise the sign with the clearly sharper image, and if neither is
+    /// sharper, the recording is refused.
     #[key(example = "minus")]
     pub(super) phase: Option<Sign>,
     /// Excess of the recorded ranges, from delays in cables and filters.
@@ -100,6 +108,10 @@ pub(super) struct RecordingKeys {
     /// Minimum speed of a moving platform, averaged over 0.1 s.
     #[key(default = "2 cm/s", positive)]
     pub(super) moving_above_m_s: f64,
+    /// Correction of I and Q of complex samples: keep them, or remove bias and imbalance of gain and phase of each receiver, with I as reference
+    /// (Gram-Schmidt). They are estimated from the pulses used, and removed if significant.
+    #[key(default = "keep")]
+    pub(super) iq: Located<IqCorrection>,
     /// Background subtraction (static clutter): subtract the mean of the pulses used, or of those during which the platform moves.
     #[key(default = "keep")]
     pub(super) background: Located<Background>,
@@ -115,6 +127,14 @@ impl RecordingKeys {
     /// Number of sweeps in a pulse.
     pub(super) fn sweeps_a_pulse(&self) -> usize {
         self.transmitters.saturating_mul(*self.average)
+    }
+
+    /// Make a fault at the key that names the samples: the array of an archive, or the file.
+    pub(super) fn values_fault(&self, message: impl Into<String>) -> Fault {
+        match &self.format {
+            FormatKeys::Npz(keys) => keys.array.fault(message),
+            _ => self.file.fault(message),
+        }
     }
 
     /// Whether the recording has an order of I and Q that its description omits.
@@ -173,6 +193,12 @@ pub(super) enum PulsesUsed {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Choice)]
+pub(super) enum IqCorrection {
+    Keep,
+    Correct,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Choice)]
 pub(super) enum Background {
     Keep,
     Mean,
@@ -183,7 +209,7 @@ pub(super) enum Background {
 #[section]
 pub(super) struct SceneKeys {
     /// Reference point of the phases. If neither this nor reference_range is given, phases are referred to the middle of the unambiguous
-    /// ranges.
+    /// ranges; to the origin for a pulsed radar that moves until the echo arrives.
     #[key(example = "0, 5, 0 m")]
     pub(super) reference_m: Option<DVec3>,
     /// Alternative to a reference point: the same range from the radar for all pulses.
@@ -222,22 +248,24 @@ pub(super) struct RadarKeys {
     /// sweeps are averaged while the radar stands still.
     #[key(example = "50 us", not_negative)]
     pub(super) transmitter_interval_s: Option<f64>,
-    /// Frequency of the first sample.
-    #[key(required = "77 GHz", positive, when(Fmcw, Stepped))]
-    pub(super) start_hz: f64,
+    /// Frequency of the first sample. Touchstone files contain it; otherwise it is required.
+    #[key(example = "77 GHz", positive, when(Fmcw, Stepped))]
+    pub(super) start_hz: Option<Located<f64>>,
     /// Sweep rate; negative for falling sweeps.
     #[key(required = "40 MHz/us", when(Fmcw))]
     pub(super) slope_hz_s: f64,
-    /// Frequency step.
-    #[key(required = "4 MHz", positive, when(Stepped))]
-    pub(super) step_hz: f64,
+    /// Frequency step. Touchstone files contain it; otherwise it is required.
+    #[key(example = "4 MHz", positive, when(Stepped))]
+    pub(super) step_hz: Option<Located<f64>>,
     /// Time from frequency to frequency. Needed if the radar moves meanwhile.
     #[key(example = "2 us", positive, when(Stepped))]
     pub(super) step_time_s: Option<f64>,
     /// Whether the radar moves during a sweep. A pulse's time is then that of its middle sample, number samples / 2 from 0, and the track
-    /// must be accurate at that scale.
-    #[key(default = "stop-and-go", when(Fmcw, Stepped))]
-    pub(super) motion: Located<IntraPulse>,
+    /// must be accurate at that scale. For kind = "pulsed" a pulse's time is that of its start, the receiver moves on until the echo of the
+    /// scene's reference point (default: the origin) arrives, and the phases include the motion during an LFM pulse. Default: stop-and-go; true
+    /// for pulses from a platform with frame = "ecef".
+    #[key(example = "true", when(Fmcw, Pulsed, Stepped))]
+    pub(super) motion: Option<Located<IntraPulse>>,
     /// Sampling rate of complex samples.
     #[key(required = "2.5 MHz", positive, when(Fmcw, Pulsed))]
     pub(super) sample_rate_hz: f64,
@@ -364,7 +392,7 @@ pub(super) struct PlatformKeys {
     )]
     pub(super) points: Located<Vec<[f64; 4]>>,
     /// Recorded track: a CSV file with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, optionally, roll_deg,
-    /// pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.
+    /// pitch_deg, yaw_deg or vx_m_s, vy_m_s, vz_m_s; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.
     #[key(required = "track.csv", when(Csv, Motive, Novatel))]
     pub(super) file: Located<PathBuf>,
     /// Rigid body of the motion capture. Required if there are several.
@@ -373,6 +401,12 @@ pub(super) struct PlatformKeys {
     /// The scene's x, y and z as axes of the track's file. Default: the same axes; for a motion capture, whose y is up, "x, -z, y".
     #[key(example = "x, -z, y", when(Csv, Motive, Arrays))]
     pub(super) axes: Option<Located<String>>,
+    /// Axes of the positions and velocities of a CSV file or of arrays: those of the scene, or Earth-centred, Earth-fixed (ECEF, WGS 84), which
+    /// needs [scene.origin]. Default: scene; positions 6300 to 50000 km from the origin are refused unless it is stated. With velocities, and for
+    /// orbits, the track is a polynomial of degree 7 through the nearest state vectors: four with velocities, eight without. An orbit's must
+    /// reach a hundredth of the wavelength, and the pulses may begin or end half an interval outside of the state vectors.
+    #[key(example = "ecef", when(Csv, Arrays))]
+    pub(super) frame: Option<Located<TrackFrame>>,
     #[keys(when(Novatel))]
     pub(super) log: LogKeys,
     /// ARRAY of the times of the track, ascending.
@@ -384,12 +418,21 @@ pub(super) struct PlatformKeys {
     /// ARRAY of the positions: x, y and z in a row for each time.
     #[key(required = "platform_pos_m", when(Arrays))]
     pub(super) positions: Located<String>,
+    /// ARRAY of the velocities at the same times in metres per second: x, y and z in a row. Those of ECEF positions are Earth-fixed.
+    #[key(example = "platform_vel_m_s", when(Arrays))]
+    pub(super) velocities: Option<Located<String>>,
     /// ARRAY of the receiver positions at the same times, if it moves separately; positions are then the transmitter's.
     #[key(example = "receiver_pos_m", when(Arrays))]
     pub(super) receiver_positions: Option<Located<String>>,
     /// Unit of positions.
     #[key(default = "m", when(Arrays))]
     pub(super) positions_unit: LengthUnit,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Choice)]
+pub(super) enum TrackFrame {
+    Scene,
+    Ecef,
 }
 
 #[derive(Clone, Copy, Choice)]

@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, selection)
-//!                         └─> samples (sign, background) ──┴─> receive ─> phase history, in memory
+//!                         └─> samples (codes, defects, I/Q, sign, background) ──┴─> receive ─> phase history, in memory
 //! ```
 //!
 //! | `[radar] kind` | samples | adapter |
@@ -23,7 +23,9 @@
 //! - `range_bias` is the excess of the recorded ranges: the reference path of the samples is lengthened by
 //!   twice that before phases are referred to it, at every frequency.
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
-//! - `radar.motion` states whether the radar moves during a sweep; motion during a pulse is neglected.
+//! - Pulses of zeros are left out. Defects of the samples (bias and imbalance of I and Q, clipped values, gaps in the times) are
+//!   warnings of the history, and [`PhaseHistory::defects`] has their numbers.
+//! - `radar.motion` states whether the radar moves during a sweep, or between transmission and reception of a pulse.
 //!
 //! A radar with several alternating transmitters and several receivers is one description: every antenna pair in use is a pulse, and the
 //! pairs of a pulse follow each other in order of time. Phase offset and level of an antenna are keys of its section.
@@ -35,18 +37,26 @@ mod adapt;
 mod analytic;
 mod arrays;
 mod beam;
+mod defects;
+mod earth;
 pub mod examples;
 mod files;
+mod in_flight;
+mod int16;
 mod keys;
 mod moving;
+mod network;
 mod open;
 mod phase;
 mod pulses;
 mod samples;
+mod table;
 mod text;
 mod track;
+mod waveform;
 mod write;
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -76,6 +86,8 @@ pub struct Take {
     pub pulses: Vec<usize>,
     /// Channels in use, in the order of their numbers.
     pub channels: Vec<Channel>,
+    /// Recorded pulses, from 0, that contain only zeros in some channel and are left out of it.
+    pub zeros: BTreeSet<usize>,
     /// Bias of the recorded paths, metres: the recorded path of a point is that of the history's geometry plus this.
     pub bias_path_m: f64,
     /// Sign of the phase as described.
@@ -85,7 +97,7 @@ pub struct Take {
 }
 
 impl Take {
-    /// Split the phase history into parallel channels. Temporarily needs a second copy of the samples, less memory
+    /// Split the phase history into parallel channels, without [`Self::zeros`]. Temporarily needs a second copy of the samples, less memory
     /// than reading them.
     ///
     /// # Errors
@@ -96,8 +108,16 @@ impl Take {
         let inputs = self.history.inputs()?;
         let of_channel = |(c, about): (usize, &Channel)| {
             let own: Vec<usize> = (0..self.pulses.len())
-                .filter(|&n| self.pulses[n] % count == c)
+                .filter(|&n| {
+                    self.pulses[n] % count == c && !self.zeros.contains(&(self.pulses[n] / count))
+                })
                 .collect();
+            if own.is_empty() {
+                return Err(ReadError::Mismatch(format!(
+                    "{}: every pulse contains only zeros in a channel: choose the others by [recording] receiver or transmitter",
+                    collection.name
+                )));
+            }
             let part = Collection {
                 name: match count {
                     1 => collection.name.clone(),
@@ -111,11 +131,11 @@ impl Take {
                 self.history.read(n..n + 1, row)?;
             }
             let mut history = (InMemory::new(part, samples)?.with_inputs(inputs.clone()))
-                .with_channels(vec![about.clone()])
-                .with_warnings(match c {
-                    0 => self.history.warnings(),
-                    _ => Vec::new(),
-                });
+                .with_channels(vec![about.clone()]);
+            if c == 0 {
+                history = (history.with_warnings(self.history.warnings()))
+                    .with_defects(self.history.defects());
+            }
             if count == 1 {
                 history = history.with_stated_beam(self.history.stated_beam());
             }
@@ -202,6 +222,17 @@ impl RecordingFile {
         Ok(varied)
     }
 
+    /// Whether the description states the place of the scene: its extent, or the reference point of the phases. True for an invalid
+    /// description, whose faults [`Self::history`] reports.
+    pub fn states_scene(&self) -> bool {
+        let top = self
+            .description
+            .resolve_as::<RecordingDescription>(&keys::SCHEMA);
+        top.map_or(true, |RecordingDescription { scene, .. }| {
+            scene.reference_m.is_some() || (scene.x_m.is_some() && scene.y_m.is_some())
+        })
+    }
+
     /// Text of the description as read.
     pub fn text(&self) -> &str {
         self.description.text()
@@ -265,17 +296,31 @@ impl RecordingFile {
             recording: &top.recording,
             memory_bytes,
         };
-        let samples = samples::read(&top.radar.kind, &source).map_err(one)?;
+        let mut samples = samples::read(&top.radar.kind, &source).map_err(one)?;
         let sign = samples.sign();
-        let pulses = pulses::select(
+        let mut pulses = pulses::select(
             &top,
             &source,
             samples.num_sweeps / top.recording.sweeps_a_pulse(),
             given,
         )
         .map_err(one)?;
+        adapt::check_memory(&source, pulses.chosen.len(), samples.num_samples).map_err(one)?;
+        let name = adapt::name(&top, &source);
+        let about = defects::About {
+            name: &name,
+            recording: &top.recording,
+            kind: &top.radar.kind,
+        };
+        let found = match given {
+            None => about.examine(&mut samples, &mut pulses),
+            Some(_) => about.correct(&mut samples, &pulses),
+        };
+        let found = found.map_err(one)?;
         let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
         let history = (history.with_warnings(pulses.antennas.warnings().to_vec()))
+            .with_warnings(found.report.warnings)
+            .with_defects(found.report.defects)
             .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen));
         Ok(Take {
             history,
@@ -287,6 +332,7 @@ impl RecordingFile {
             channels: (pulses.antennas.channels.iter())
                 .map(|channel| channel.about())
                 .collect(),
+            zeros: found.zeros,
             bias_path_m: 2.0 * top.recording.range_bias_m,
             sign,
             order_is_stated: !top.recording.order_is_unstated(),

@@ -1,16 +1,18 @@
 //! Selection of pulses, their times, and the antenna positions.
 
 use super::arrays::Source;
+use super::in_flight::InFlight;
 use super::keys::{
     AntennaKeys, PlatformKeys, PulsesUsed, RadarKeys, RecordingDescription, RecordingKeys,
 };
+use super::samples::Rows;
 use super::track::{self, Track};
 use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
 use subaperture_describe::place::OriginKeys;
 use subaperture_describe::radar;
 use subaperture_model::geometry::SceneFrame;
-use subaperture_model::phase_history;
+use subaperture_model::phase_history::{self, DefectKind};
 use subaperture_model::radar::Antenna;
 use subaperture_signal::phase::{cis, narrow};
 
@@ -24,6 +26,23 @@ pub(super) struct Pulses {
     pub(super) timed: bool,
     pub(super) chosen: Vec<Chosen>,
     pub(super) antennas: Antennas,
+    /// Gaps in the recorded times of the selected block of pulses, and its number of pulses.
+    pub(super) gaps: Option<(DefectKind, usize)>,
+    /// Motion of a pulsed radar between transmission and reception, unless neglected.
+    pub(super) in_flight: Option<InFlight>,
+}
+
+impl Pulses {
+    /// Rows of the pulse `index` in a channel.
+    pub(super) fn rows(&self, recording: &RecordingKeys, index: usize, channel: usize) -> Rows {
+        let channel = &self.antennas.channels[channel];
+        Rows {
+            first: index * recording.sweeps_a_pulse() + channel.transmitter,
+            every: *recording.transmitters,
+            count: *recording.average,
+            receiver: channel.receiver,
+        }
+    }
 }
 
 /// Transmitters and receivers along the track.
@@ -122,11 +141,12 @@ pub(super) fn select(
         });
     let ends = (ends.0, ends.1 + latest_s);
     let antennas = Antennas {
-        track: track::build(platform, source, &frame, ends, count)?,
+        track: track::build((platform, radar), source, &frame, ends, count)?,
         channels,
     };
     let track = &antennas.track;
     let asked = asked(recording, count, antennas.channels.len(), given)?;
+    let in_flight = InFlight::of(top)?;
     let least_m_s = recording.moving_above_m_s;
     let only_moving = *recording.pulses == PulsesUsed::Moving;
     let mut chosen = Vec::new();
@@ -144,9 +164,20 @@ pub(super) fn select(
             index,
             channel,
             time_s,
-            antennas_m: antennas.at_m(channel, time_s),
+            antennas_m: match &in_flight {
+                Some(in_flight) => {
+                    in_flight.antennas_m(time_s, |time_s| antennas.at_m(channel, time_s))
+                }
+                None => antennas.at_m(channel, time_s),
+            },
             moving,
         });
+    }
+    let bounded = track.bounded.as_ref().filter(|_| given.is_none());
+    if let Some(fault) =
+        bounded.and_then(|bounded| chosen.iter().find_map(|pulse| bounded.fault(pulse.time_s)))
+    {
+        return Err(Fault::new(&platform.header, fault));
     }
     if chosen.is_empty() {
         return Err(recording.pulses.fault(format!(
@@ -160,11 +191,22 @@ pub(super) fn select(
         timed,
         chosen,
         antennas,
+        gaps: gaps(recording, &times_s),
+        in_flight,
     })
 }
 
+/// Gaps in the recorded times of the selected block of pulses, and its number of pulses.
+fn gaps(recording: &RecordingKeys, times_s: &[f64]) -> Option<(DefectKind, usize)> {
+    recording.times.as_ref()?;
+    let first = *recording.first;
+    let count = recording.count.as_deref().copied().unwrap_or(usize::MAX);
+    let block = &times_s[first..times_s.len().min(first.saturating_add(count))];
+    Some((DefectKind::gaps(block, first)?, block.len()))
+}
+
 /// Index and channel of every selected pulse, before pulses of a platform at rest are left out.
-fn asked(
+pub(super) fn asked(
     recording: &RecordingKeys,
     count: usize,
     num_channels: usize,
@@ -216,8 +258,13 @@ fn outside(platform: &PlatformKeys, track: &Track, index: usize, time_s: f64) ->
     Fault::new(
         &platform.header,
         format!(
-            "pulse {index} at {time_s:.3} s is outside the track from {from:.3} to {to:.3} s: check \
-             radar.first_pulse, or choose other pulses"
+            "pulse {index} at {time_s:.3} s is outside the track from {from:.3} to {to:.3} s{}: check \
+             radar.first_pulse, or choose other pulses",
+            if track.bounded.is_some() {
+                " (state vectors, and half an interval before and after them)"
+            } else {
+                ""
+            }
         ),
     )
 }

@@ -4,20 +4,26 @@
 //! the samples of one receiver after those of the other. The order of the numbers ([`Order`]) is two I then two Q
 //! over two LVDS lanes (xWR16xx, xWR18xx), I and Q alternating, or real numbers.
 //!
+//! `touchstone` files hold a sweep of a vector network analyser each ([`super::network`]).
+//!
 //! Real samples of dechirped sweeps are converted to complex ones: [`super::analytic`].
 
-use std::io::Read;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use num_complex::Complex32;
 
 use super::arrays::Source;
+use super::int16::{lanes, others};
 use super::keys::{FormatKeys, Layout, Order, Sign, WaveformKeys};
-use crate::input::open_file;
+use super::network;
+use super::table::Table;
 use crate::npy::{Array, Range, Values as Numbers};
+use crate::raw_check::balance::Correction;
+use crate::touchstone;
 use subaperture_describe::declare::Located;
-use subaperture_describe::error::{ALLOW_MORE_MEMORY, Fault};
+use subaperture_describe::error::Fault;
 use subaperture_model::phase_history::PhaseSign;
 
 /// Source of the sign in a description.
@@ -45,6 +51,12 @@ pub(super) struct Samples {
     phase: Option<PhaseSign>,
     /// Whether the samples are real numbers.
     pub(super) real: bool,
+    /// Corrections of bias and imbalance, of the receivers that have one.
+    corrections: BTreeMap<usize, Correction>,
+    /// Values of the codes that the files contain.
+    table: Option<Table>,
+    /// First frequency and step, hertz, if the files contain them.
+    pub(super) band_hz: Option<[f64; 2]>,
 }
 
 /// Rows that form a pulse.
@@ -58,6 +70,13 @@ pub(super) struct Rows {
     pub(super) receiver: usize,
 }
 
+impl Rows {
+    /// Numbers of the sweeps.
+    pub(super) fn sweeps(self) -> impl Iterator<Item = usize> {
+        (0..self.count).map(move |turn| self.first + turn * self.every)
+    }
+}
+
 impl Samples {
     /// Source of the sign of the phase.
     pub(super) fn sign(&self) -> SignStated {
@@ -68,18 +87,48 @@ impl Samples {
         }
     }
 
-    /// Mean of the rows of each pulse, pulse by pulse.
+    /// Mean of the rows of each pulse, pulse by pulse. Rows of zeros are left out of the mean.
     pub(super) fn of(&self, pulses: impl ExactSizeIterator<Item = Rows>) -> Vec<Complex32> {
         let mut samples = vec![Complex32::ZERO; pulses.len() * self.num_samples];
         for (row, rows) in samples.chunks_exact_mut(self.num_samples).zip(pulses) {
-            for turn in 0..rows.count {
-                self.add(rows.first + turn * rows.every, rows.receiver, row);
+            let mut count = 0;
+            for sweep in rows.sweeps() {
+                if rows.count == 1 || !self.is_zero(sweep, rows.receiver) {
+                    self.add(sweep, rows.receiver, row);
+                    count += 1;
+                }
             }
-            if rows.count > 1 {
-                row.iter_mut().for_each(|z| *z /= rows.count as f32);
+            if count > 1 {
+                row.iter_mut().for_each(|z| *z /= count as f32);
             }
         }
         samples
+    }
+
+    /// Whether a row contains only zeros.
+    pub(super) fn is_zero(&self, sweep: usize, receiver: usize) -> bool {
+        self.recorded(sweep, receiver).all(|z| z == Complex32::ZERO)
+    }
+
+    /// Write a row as recorded.
+    pub(super) fn read(&self, sweep: usize, receiver: usize, row: &mut [Complex32]) {
+        for (z, recorded) in row.iter_mut().zip(self.recorded(sweep, receiver)) {
+            *z = recorded;
+        }
+    }
+
+    /// Correct the rows of a receiver.
+    pub(super) fn correct(&mut self, receiver: usize, correction: Correction) {
+        self.corrections.insert(receiver, correction);
+    }
+
+    /// Limits of the integer type of the files; `None` for codes and for floats.
+    pub(super) fn integer_range(&self) -> Option<[f32; 2]> {
+        let first = self.pieces.first()?.0.integer_range?;
+        if self.table.is_some() {
+            return None;
+        }
+        Some(first.map(|limit| limit as f32))
     }
 
     /// Check of real values as float32. (The reader has checked complex ones.)
@@ -93,17 +142,28 @@ impl Samples {
         range
     }
 
-    fn add(&self, sweep: usize, receiver: usize, row: &mut [Complex32]) {
+    /// Values of a row as recorded.
+    fn recorded(&self, sweep: usize, receiver: usize) -> impl Iterator<Item = Complex32> + '_ {
         let piece = self.pieces.partition_point(|(_, before)| *before <= sweep) - 1;
         let (array, before) = &self.pieces[piece];
         let start = ((sweep - before) * self.num_receivers + receiver) * self.row_stride;
-        let places = (0..self.num_samples).map(|k| start + k * self.sample_stride);
-        for (z, i) in row.iter_mut().zip(places) {
-            *z += match &array.values {
-                Numbers::Real(values) => Complex32::new(values[i] as f32, 0.0),
-                Numbers::Complex(values) if self.phase == Some(PhaseSign::Plus) => values[i].conj(),
-                Numbers::Complex(values) => values[i],
-            };
+        (0..self.num_samples).map(move |k| {
+            let i = start + k * self.sample_stride;
+            match (&array.values, &self.table) {
+                (Numbers::Real(values), None) => Complex32::new(values[i] as f32, 0.0),
+                (Numbers::Complex(values), None) => values[i],
+                (Numbers::Real(codes), Some(table)) => Complex32::new(table.real(codes[i]), 0.0),
+                (Numbers::Complex(codes), Some(table)) => table.complex(codes[i]),
+            }
+        })
+    }
+
+    fn add(&self, sweep: usize, receiver: usize, row: &mut [Complex32]) {
+        let correction = self.corrections.get(&receiver);
+        let turned = self.phase == Some(PhaseSign::Plus);
+        for (z, recorded) in row.iter_mut().zip(self.recorded(sweep, receiver)) {
+            let value = correction.map_or(recorded, |correction| correction.apply(recorded));
+            *z += if turned { value.conj() } else { value };
         }
     }
 }
@@ -115,14 +175,22 @@ pub(super) fn read(kind: &WaveformKeys, source: &Source) -> Result<Samples, Faul
         Sign::Plus => PhaseSign::Plus,
         Sign::Minus => PhaseSign::Minus,
     });
-    let samples = match &recording.format {
+    let mut samples = match &recording.format {
         FormatKeys::Dca1000(keys) => dca1000(source, &keys.samples, phase)?,
         FormatKeys::Npz(keys) => array(source, Some(&keys.array), keys.layout, phase)?,
         FormatKeys::Npy(keys) => array(source, None, keys.layout, phase)?,
+        FormatKeys::Touchstone => {
+            if !matches!(kind, WaveformKeys::Stepped) {
+                return Err(recording.file.fault(
+                    "Touchstone files contain a value for each frequency: expected [radar] kind = \"stepped\"",
+                ));
+            }
+            sweeps_of_analyser(source, phase)?
+        }
     };
     let takes_complex = match kind {
         WaveformKeys::Pulsed(_) => Some("pulsed"),
-        WaveformKeys::Stepped(_) => Some("stepped"),
+        WaveformKeys::Stepped => Some("stepped"),
         WaveformKeys::Fmcw(_) | WaveformKeys::Profiles(_) => None,
     };
     if samples.real
@@ -135,8 +203,17 @@ pub(super) fn read(kind: &WaveformKeys, source: &Source) -> Result<Samples, Faul
             ),
         ));
     }
-    if let Some(what) = samples.range().fault() {
-        return Err(recording.file.fault(what));
+    if let Some(key) = &recording.table {
+        let table = Table::read(key, source)?;
+        let arrays = samples.pieces.iter();
+        for (array, _) in arrays {
+            table
+                .check(array)
+                .map_err(|message| recording.values_fault(message))?;
+        }
+        samples.table = Some(table);
+    } else if let Some(message) = samples.range().fault() {
+        return Err(recording.values_fault(message));
     }
     if samples.num_sweeps == 0 || samples.num_samples < 2 {
         return Err(recording.file.fault(format!(
@@ -270,6 +347,69 @@ fn array(
         row_stride: strides.1,
         phase,
         real,
+        corrections: BTreeMap::new(),
+        table: None,
+        band_hz: None,
+    })
+}
+
+/// Sweeps of a vector network analyser, one file each.
+fn sweeps_of_analyser(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
+    let recording = source.recording;
+    if *recording.receivers != 1 {
+        return Err(recording.receivers.fault(
+            "a Touchstone file is one sweep of one receiver: choose it by 'parameter', and describe each receiver's files as a recording",
+        ));
+    }
+    let ports = match &recording.parameter {
+        None => None,
+        Some(name) => Some(touchstone::parameter_of_name(name).ok_or_else(|| {
+            name.fault(format!(
+                "expected a scattering parameter such as \"s21\", found \"{}\"",
+                **name
+            ))
+        })?),
+    };
+    let files = source.files()?;
+    let fault = |message: String| recording.file.fault(message);
+    let hold = |path: &Path, name: String, read: &dyn Fn(u64) -> Result<Array, String>| {
+        let name = (path.to_path_buf(), Some(name));
+        let held = source
+            .arrays
+            .hold(name, source.memory_bytes, |_, left| read(left));
+        held.map_err(fault)
+    };
+    let first = files.first().cloned().unwrap_or_default();
+    let parameter = format!("{ports:?}");
+    let frequencies = hold(&first, "frequencies".to_owned(), &|left| {
+        network::frequencies(&first, ports, left)
+    })?;
+    let frequencies_hz = frequencies.real().unwrap_or_default();
+    let mut pieces = Vec::new();
+    for path in files {
+        let values = hold(&path, parameter.clone(), &|left| {
+            network::values(&path, ports, frequencies_hz, left)
+        })?;
+        pieces.push((path, values, 1));
+    }
+    let (pieces, num_sweeps) = joined(source, pieces)?;
+    let count = frequencies_hz.len();
+    Ok(Samples {
+        pieces,
+        num_sweeps,
+        num_receivers: 1,
+        num_samples: count,
+        sample_stride: 1,
+        row_stride: count,
+        // A delay turns a scattering parameter by exp(-j 2 pi f delay).
+        phase: Some(phase.unwrap_or(PhaseSign::Minus)),
+        real: false,
+        corrections: BTreeMap::new(),
+        table: None,
+        band_hz: Some([
+            frequencies_hz[0],
+            (frequencies_hz[count - 1] - frequencies_hz[0]) / (count - 1) as f64,
+        ]),
     })
 }
 
@@ -317,111 +457,8 @@ fn dca1000(
         row_stride: samples,
         phase,
         real: order == Order::Real,
-    })
-}
-
-/// Message that lists numbers of receivers and of samples that divide the file.
-fn others(held: usize, samples: usize, receivers: usize) -> String {
-    let even = |samples: &usize, receivers: &usize| held.is_multiple_of(samples * receivers);
-    let counts: Vec<String> = (1..=8usize)
-        .filter(|count| *count != receivers && even(&samples, count))
-        .map(|count| count.to_string())
-        .collect();
-    let near: Vec<String> = (samples / 2..=samples * 2)
-        .filter(|count| *count >= 2 && *count != samples && even(count, &receivers))
-        .map(|count| count.to_string())
-        .take(8)
-        .collect();
-    let mut words = String::new();
-    if !counts.is_empty() {
-        words += &format!("; receivers = {} would divide it", counts.join(" or "));
-    }
-    if !near.is_empty() {
-        words += &format!("; samples = {} would divide it", near.join(" or "));
-    }
-    if words.is_empty() {
-        words += ", and whether the file is complete";
-    }
-    words
-}
-
-impl Order {
-    /// Bytes of the smallest group of complete samples.
-    fn unit_bytes(self) -> u64 {
-        match self {
-            Self::Iiqq => 8,
-            Self::Iqiq => 4,
-            Self::Real => 2,
-        }
-    }
-
-    /// Memory of the converted file and the file itself, relative to the file size.
-    fn held(self) -> u64 {
-        match self {
-            Self::Iiqq | Self::Iqiq => 3,
-            Self::Real => 5,
-        }
-    }
-}
-
-/// All samples of an int16 file.
-fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> {
-    let named = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
-    let file = open_file(path).map_err(named)?;
-    let length = file.metadata().map_err(named)?.len();
-    let unit = order.unit_bytes();
-    if length == 0 || !length.is_multiple_of(unit) {
-        let what = match order {
-            Order::Iiqq => "pairs of complex samples",
-            Order::Iqiq => "complex samples",
-            Order::Real => "real samples",
-        };
-        return Err(format!(
-            "{}: expected {what} of {unit} bytes each, found {length} bytes in total",
-            path.display()
-        ));
-    }
-    // Samples take two or four times the bytes of the file, which is in memory at the same time.
-    let needed = length.saturating_mul(order.held());
-    if needed > memory_bytes {
-        return Err(format!(
-            "{}: {} bytes of memory are needed, but {memory_bytes} are left: {ALLOW_MORE_MEMORY}",
-            path.display(),
-            needed
-        ));
-    }
-    let mut bytes = Vec::new();
-    file.take(length).read_to_end(&mut bytes).map_err(named)?;
-    let number = |pair: &[u8]| f32::from(i16::from_le_bytes([pair[0], pair[1]]));
-    if order == Order::Real {
-        let samples: Vec<f64> = bytes
-            .chunks_exact(2)
-            .map(|pair| f64::from(number(pair)))
-            .collect();
-        return Ok(Array {
-            shape: vec![samples.len()],
-            values: Numbers::Real(samples),
-        });
-    }
-    if order == Order::Iqiq {
-        let samples: Vec<Complex32> = bytes
-            .chunks_exact(4)
-            .map(|pair| Complex32::new(number(pair), number(&pair[2..])))
-            .collect();
-        return Ok(Array {
-            shape: vec![samples.len()],
-            values: Numbers::Complex(samples),
-        });
-    }
-    let samples: Vec<Complex32> = bytes
-        .chunks_exact(8)
-        .flat_map(|pair| {
-            let [i0, i1, q0, q1] = [0, 2, 4, 6].map(|at| number(&pair[at..]));
-            [Complex32::new(i0, q0), Complex32::new(i1, q1)]
-        })
-        .collect();
-    Ok(Array {
-        shape: vec![samples.len()],
-        values: Numbers::Complex(samples),
+        corrections: BTreeMap::new(),
+        table: None,
+        band_hz: None,
     })
 }

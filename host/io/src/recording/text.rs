@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use glam::{DQuat, DVec3, EulerRot};
 
+use super::earth::FROM_CENTRE_M;
 use crate::receive::{EchoCollection, EchoPulse};
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 use subaperture_model::radar::{Antenna, MountedAntennas, Pattern, PulseShape, Waveform};
@@ -42,6 +43,13 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     }
     text += &origin(collection.frame)?;
     text += "\n[radar]\n";
+    if let Waveform::Pulsed {
+        shape: PulseShape::Recorded { .. },
+        ..
+    } = collection.waveform
+    {
+        return Err("its pulse is a recorded one, whose samples are not written".to_owned());
+    }
     radar(&mut text, &collection.waveform, facts.moves);
     if let Some(carried) = facts.antennas {
         antenna(&mut text, "transmitter", &carried.antennas[0]);
@@ -53,6 +61,11 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     );
     if let Some(receiver) = facts.receiver {
         text += &format!("receiver_positions = \"{receiver}\"\n");
+    }
+    // Far from the origin, positions without a statement could be in ECEF.
+    let far = |place: DVec3| place.length() >= FROM_CENTRE_M[0];
+    if (collection.pulses.iter()).any(|pulse| far(pulse.transmitter_m) || far(pulse.receiver_m)) {
+        text += "frame = \"scene\"\n";
     }
     if let Some([roll, pitch, yaw]) = facts.antennas.and_then(attitude) {
         text += &format!("attitude = \"{roll}, {pitch}, {yaw} rad\"\n");
@@ -251,6 +264,7 @@ fn radar(text: &mut String, waveform: &Waveform, moves: bool) {
 fn pulse(text: &mut String, shape: &PulseShape) {
     text.push_str("\n[radar.pulse]\n");
     match shape {
+        PulseShape::Recorded { .. } => {}
         PulseShape::Lfm {
             bandwidth_hz,
             duration_s,

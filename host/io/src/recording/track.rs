@@ -5,12 +5,13 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::arrays::Source;
-use super::keys::{MotionKeys, MotionKeysArrays, MotionKeysRail, PlatformKeys};
+use super::earth::{self, Bounded, Measured};
+use super::keys::{MotionKeys, MotionKeysArrays, MotionKeysRail, PlatformKeys, RadarKeys};
 use crate::track_axes::TrackAxes;
 use crate::{marker_swaps, motive, recorded_track, track_csv};
 use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
-use subaperture_describe::track::{curve, line, segments};
+use subaperture_describe::track::{self as described, line, segments};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{self, Fix, Pose, Rail, SampledTrack, Trajectory, turned};
 
@@ -24,9 +25,23 @@ pub(super) struct Track {
     pub(super) gaps_s: Vec<(f64, f64)>,
     /// Warnings about the track, one sentence each.
     pub(super) warnings: Vec<String>,
+    /// State vectors of an orbit, for their interpolation error.
+    pub(super) bounded: Option<Bounded>,
 }
 
 impl Track {
+    /// Track with an interval of validity, or valid at all times.
+    pub(super) fn within(body: Arc<dyn Trajectory>, span_s: Option<(f64, f64)>) -> Self {
+        Self {
+            body,
+            receiver: None,
+            span_s,
+            gaps_s: Vec::new(),
+            warnings: Vec::new(),
+            bounded: None,
+        }
+    }
+
     /// Whether the track is valid at a time.
     pub(super) fn is_valid_at(&self, time_s: f64) -> bool {
         self.span_s
@@ -43,13 +58,13 @@ impl Track {
 
 /// Track of the platform. `times_s` are the times of the first and last of `count` pulses.
 pub(super) fn build(
-    platform: &PlatformKeys,
+    (platform, radar): (&PlatformKeys, &RadarKeys),
     source: &Source,
     frame: &SceneFrame,
     times_s: (f64, f64),
     count: usize,
 ) -> Result<Track, Fault> {
-    let track = poses(platform, source, frame, times_s, count)?;
+    let track = poses((platform, radar), source, frame, times_s, count)?;
     let Some(angles) = platform.attitude_rad else {
         return Ok(track);
     };
@@ -58,9 +73,7 @@ pub(super) fn build(
     Ok(Track {
         body: kept(track.body),
         receiver: track.receiver.map(kept),
-        span_s: track.span_s,
-        gaps_s: track.gaps_s,
-        warnings: track.warnings,
+        ..track
     })
 }
 
@@ -81,7 +94,7 @@ impl Trajectory for Kept {
 }
 
 fn poses(
-    platform: &PlatformKeys,
+    (platform, radar): (&PlatformKeys, &RadarKeys),
     source: &Source,
     frame: &SceneFrame,
     times_s: (f64, f64),
@@ -90,32 +103,26 @@ fn poses(
     let middle_s = 0.5 * (times_s.0 + times_s.1);
     let body: Arc<dyn Trajectory> = match &platform.kind {
         MotionKeys::Arrays(keys) => {
-            let fixes = arrays(platform, source, keys, &keys.positions)?;
-            let body = SampledTrack::new(&fixes);
-            let body = body.map_err(|error| keys.times.fault(error.to_string()))?;
-            let receiver = platform.receiver_positions.as_ref().map(|positions| {
-                let track = SampledTrack::new(&arrays(platform, source, keys, positions)?);
-                let track = track.map_err(|error| positions.fault(error.to_string()))?;
-                Ok::<Arc<dyn Trajectory>, Fault>(Arc::new(track))
-            });
+            let along = |at: &Located<String>, velocities| {
+                let measured = arrays(source, keys, at, velocities)?;
+                curve(platform, radar, frame, measured, &|text| at.fault(text))
+            };
+            let receiver = platform.receiver_positions.as_ref();
+            let receiver = receiver.map(|at| along(at, None)).transpose()?;
             return Ok(Track {
-                receiver: receiver.transpose()?,
-                ..sampled(body, &fixes)
+                receiver: receiver.map(|track| track.body),
+                ..along(&keys.positions, platform.velocities.as_ref())?
             });
         }
         MotionKeys::Csv(keys) => {
             let fault = |error: String| keys.file.fault(error);
-            let fixes = track_csv::read(&source.folder.join(&*keys.file))
+            let (fixes, velocities_m_s) = track_csv::read_states(&source.folder.join(&*keys.file))
                 .map_err(|error| fault(error.to_string()))?;
-            let axes = axes(platform, TrackAxes::PLAIN)?;
-            let turned = |fix: Fix| Fix {
-                position_m: axes.turn(fix.position_m),
-                attitude: fix.attitude.map(|attitude| axes.turn_attitude(attitude)),
-                ..fix
+            let measured = Measured {
+                fixes,
+                velocities_m_s,
             };
-            let fixes: Vec<Fix> = fixes.into_iter().map(turned).collect();
-            let body = SampledTrack::new(&fixes).map_err(|error| fault(error.to_string()))?;
-            return Ok(sampled(body, &fixes));
+            return curve(platform, radar, frame, measured, &fault);
         }
         MotionKeys::Motive(keys) => {
             let fault = |error: String| keys.file.fault(error);
@@ -172,27 +179,32 @@ fn poses(
                 .circle(keys.centre_m, keys.radius_m, speed_m_s, at_s)
         }
         MotionKeys::Waypoints(keys) => segments(&keys.points)?,
-        MotionKeys::Spline(keys) => curve(&keys.points)?,
+        MotionKeys::Spline(keys) => described::curve(&keys.points)?,
     };
+    Ok(Track::within(body, None))
+}
+
+/// Track through measured positions.
+fn curve(
+    platform: &PlatformKeys,
+    radar: &RadarKeys,
+    frame: &SceneFrame,
+    measured: Measured,
+    fault: &dyn Fn(String) -> Fault,
+) -> Result<Track, Fault> {
+    let axes = axes(platform, TrackAxes::PLAIN)?;
+    let curve = earth::curve(platform, radar, (frame, axes), measured, fault)?;
     Ok(Track {
-        body,
-        receiver: None,
-        span_s: None,
-        gaps_s: Vec::new(),
-        warnings: Vec::new(),
+        bounded: curve.bounded,
+        ..Track::within(curve.body, curve.span_s)
     })
 }
 
 /// Track through fixes, valid between the first and the last.
 fn sampled(body: SampledTrack, fixes: &[Fix]) -> Track {
     let ends = fixes.first().zip(fixes.last());
-    Track {
-        body: Arc::new(body),
-        receiver: None,
-        span_s: ends.map(|(first, last)| (first.time_s, last.time_s)),
-        gaps_s: Vec::new(),
-        warnings: Vec::new(),
-    }
+    let span_s = ends.map(|(first, last)| (first.time_s, last.time_s));
+    Track::within(Arc::new(body), span_s)
 }
 
 /// Longest gap in a motion capture that is interpolated, in seconds; a person's step takes five times as long.
@@ -209,7 +221,7 @@ fn gaps(fixes: &[Fix]) -> Vec<(f64, f64)> {
 }
 
 /// Order of the file's axes, or the usual one.
-fn axes(platform: &PlatformKeys, usual: TrackAxes) -> Result<TrackAxes, Fault> {
+pub(super) fn axes(platform: &PlatformKeys, usual: TrackAxes) -> Result<TrackAxes, Fault> {
     match &platform.axes {
         Some(text) => text.parse().map_err(|what: String| text.fault(what)),
         None => Ok(usual),
@@ -263,31 +275,35 @@ fn evenly(
     ))
 }
 
-/// Times and positions of two arrays.
+/// Times, positions and velocities of arrays.
 fn arrays(
-    platform: &PlatformKeys,
     source: &Source,
     keys: &MotionKeysArrays,
     positions: &Located<String>,
-) -> Result<Vec<Fix>, Fault> {
+    velocities: Option<&Located<String>>,
+) -> Result<Measured, Fault> {
     let (unit_s, unit_m) = (keys.times_unit.seconds(), keys.positions_unit.metres());
-    let axes = axes(platform, TrackAxes::PLAIN)?;
     let times = source.vector(&keys.times)?;
-    let array = source.array(positions)?;
-    let rows = match (array.real(), &array.shape[..]) {
-        (Some(rows), &[count, 3]) if count == times.len() => rows,
-        _ => {
-            return Err(positions.fault(format!(
+    let rows = |key: &Located<String>| -> Result<Vec<DVec3>, Fault> {
+        let array = source.array(key)?;
+        match (array.real(), &array.shape[..]) {
+            (Some(rows), &[count, 3]) if count == times.len() => {
+                Ok(rows.chunks_exact(3).map(DVec3::from_slice).collect())
+            }
+            _ => Err(key.fault(format!(
                 "expected real numbers of shape [{1}, 3], a row for each of 'times', found shape {0:?}",
                 array.shape,
                 times.len()
-            )));
+            ))),
         }
     };
-    let fix = |(&time, row): (&f64, &[f64])| Fix {
+    let fix = |(&time, place): (&f64, DVec3)| Fix {
         time_s: time * unit_s,
-        position_m: axes.turn(DVec3::from_slice(row) * unit_m),
+        position_m: place * unit_m,
         attitude: None,
     };
-    Ok(times.iter().zip(rows.chunks_exact(3)).map(fix).collect())
+    Ok(Measured {
+        fixes: times.iter().zip(rows(positions)?).map(fix).collect(),
+        velocities_m_s: velocities.map(rows).transpose()?,
+    })
 }

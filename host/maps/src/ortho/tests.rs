@@ -265,3 +265,49 @@ fn raster_refuses_local_vertical_and_oversized_maps() {
     let folded = Carrier::of(&coarse, &looks);
     assert!(matches!(folded, Err(MapError::Folded { .. })), "{folded:?}");
 }
+
+/// Values of a map by the nearest pixel, against the pixel whose centre is nearest to the map pixel's position. NaN do not spread.
+#[test]
+fn nearest_pixels_are_mapped_without_interpolation() {
+    let grid: ImageGrid = "x=-6:6:0.5,y=-5:5:0.4".parse().unwrap();
+    let frame = frame();
+    let (rows, columns) = (grid.rows.count, grid.columns.count);
+    let value = |i: usize| match i % 7 {
+        0 => NO_VALUE,
+        _ => Complex32::new(i as f32, 1.0),
+    };
+    let image = Image {
+        rows,
+        columns,
+        pixels: (0..rows * columns).map(value).collect(),
+    };
+    let raster = Raster::covering(&grid, &frame, Projection::utm, None).unwrap();
+    let ortho = Ortho::nearest(&image, &grid, &frame, raster).unwrap();
+    let got = ortho.complex(&[0..raster.rows, 0..raster.columns]).unwrap();
+    let mut compared = 0;
+    for (i, z) in got.into_iter().enumerate() {
+        let at = [i / raster.columns, i % raster.columns].map(|n| n as f64 + 0.5);
+        let place = raster.projection.place(raster.coordinates(at));
+        let [y, x] = grid.coordinates(above(&grid, &frame, place));
+        let at = [
+            (y - grid.rows.start) / grid.rows.step,
+            (x - grid.columns.start) / grid.columns.step,
+        ];
+        // Positions between two pixels may be rounded to either.
+        if at.iter().any(|x| (x - x.floor() - 0.5).abs() < 1e-3) {
+            continue;
+        }
+        let [row, column] = at.map(f64::round);
+        let inside = row >= 0.0 && column >= 0.0 && row < rows as f64 && column < columns as f64;
+        let wanted = match inside {
+            true => value(row as usize * columns + column as usize),
+            false => NO_VALUE,
+        };
+        assert!(
+            z == wanted || z.is_nan() && wanted.is_nan(),
+            "{at:?}: {z} {wanted}"
+        );
+        compared += usize::from(inside);
+    }
+    assert!(compared > 400, "{compared}");
+}

@@ -1,13 +1,16 @@
 //! Ground heights over a region, from one or more elevation model files.
 
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use subaperture_model::units::Dimension;
 
 use crate::terrain::raster::{Model, Raster};
 use crate::terrain::{Region, TerrainError, geotiff, hgt};
 
 /// Geoid undulation added to the heights of an elevation model.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum Geoid {
     /// None: heights are used as ellipsoidal. Default.
     #[default]
@@ -16,6 +19,58 @@ pub enum Geoid {
     Undulation(f64),
     /// Raster of undulations, metres, in a format of elevation models.
     File(PathBuf),
+}
+
+impl Geoid {
+    /// Undulation in metres, or file: a text that begins as a number is one, unless there is a file of this name.
+    ///
+    /// # Errors
+    /// The expected form, for a number that is not a possible height.
+    pub fn parse(path: PathBuf) -> Result<Self, String> {
+        match path.to_str() {
+            Some(text)
+                if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+                    && !path.exists() =>
+            {
+                height_m(text).map(Self::Undulation)
+            }
+            _ => Ok(Self::File(path)),
+        }
+    }
+
+    /// The file, if undulations are read from one.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::None | Self::Undulation(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for Geoid {
+    /// Text that [`Geoid::parse`] reads.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("0"),
+            Self::Undulation(metres) => write!(f, "{metres}"),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// Parse a height or undulation, metres, that the Earth may have.
+pub(super) fn height_m(text: &str) -> Result<f64, String> {
+    let plain: Option<f64> = text.trim().parse().ok();
+    let height_m = match plain.filter(|height_m| height_m.is_finite()) {
+        Some(height_m) => height_m,
+        None => Dimension::Length.parse(text)?,
+    };
+    match height_m.abs() <= 1e5 {
+        true => Ok(height_m),
+        false => Err(format!(
+            "{height_m} m is beyond the Earth's surface: heights of at most 100 km are possible"
+        )),
+    }
 }
 
 /// Ground heights above the WGS 84 ellipsoid over a region.

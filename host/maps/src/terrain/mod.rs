@@ -1,7 +1,7 @@
 //! Elevation models and surfaces of the Earth on which images are focused.
 //!
 //! ```text
-//! grid, frame ─> Region ─> Ground (HGT, GeoTIFF: the part that the grid needs) ─> relief ─> ImageGrid::on
+//! PixelSurface: grid, frame ─> Region ─> Ground (HGT, GeoTIFF: the part that the grid needs) ─> relief ─> ImageGrid::on
 //! ```
 //!
 //! An image focused on a plane shows terrain above the plane displaced towards the radar (layover, foreshortening).
@@ -22,6 +22,7 @@ mod geotiff;
 mod ground;
 mod hgt;
 mod lattice;
+mod pixels;
 mod raster;
 mod region;
 mod surface;
@@ -29,5 +30,6 @@ mod vertical;
 
 pub use error::TerrainError;
 pub use ground::{Geoid, Ground};
+pub use pixels::{PixelSurface, Placed, PlacementError};
 pub use region::Region;
 pub use surface::{Surface, relief};

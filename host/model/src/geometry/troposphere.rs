@@ -11,6 +11,9 @@
 //! the sine of the elevation. Neglected: bending, which lengthens the path by less than 1e-3 of that above 10 degrees
 //! of elevation; weather, which changes `N0` by 10 or 20 % and its wet part by more; the ionosphere.
 
+use std::fmt;
+use std::str::FromStr;
+
 use glam::DVec3;
 
 use super::{Geodetic, SceneFrame};
@@ -83,6 +86,30 @@ impl Troposphere {
             }
         }
         Some(1e-6 * self.refractivity * sum * half)
+    }
+}
+
+impl fmt::Display for Troposphere {
+    /// Text that [`FromStr`] reads.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "exponential:{}", self.refractivity)
+    }
+}
+
+impl FromStr for Troposphere {
+    type Err = String;
+
+    /// Read `exponential` (mean refractivity) or `exponential:N`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refractivity = match text.split_once(':') {
+            None if text == "exponential" => Some(Self::MEAN_REFRACTIVITY),
+            Some(("exponential", number)) => number.parse().ok(),
+            _ => None,
+        };
+        match refractivity.filter(|n| (0.0..=1000.0).contains(n)) {
+            Some(refractivity) => Ok(Self { refractivity }),
+            None => Err("give none, exponential, or exponential:N with 0 to 1000 parts in a million at sea level (as exponential:313)".to_owned()),
+        }
     }
 }
 

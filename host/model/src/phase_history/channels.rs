@@ -14,7 +14,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 
 use super::joined::numbers;
-use super::{CoherentSum, Excluding, Joined, PhaseHistory, ReadError, misplaced};
+use super::{CoherentSum, Excluding, InMemory, Joined, PhaseHistory, ReadError, misplaced};
 
 /// Description of a channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
@@ -292,6 +292,18 @@ impl<'a> Channels<'a> {
     /// band.
     pub fn coherent_sum(self) -> Result<CoherentSum<'a>, ChannelError> {
         CoherentSum::new(self)
+    }
+
+    /// Read all pulses of every channel into memory ([`InMemory::copy_of`]).
+    ///
+    /// # Errors
+    /// [`ReadError`] of reading the pulses.
+    pub fn in_memory(&self) -> Result<Channels<'static>, ReadError> {
+        let read = self.iter().map(|(about, history)| -> Result<_, ReadError> {
+            let history: Box<dyn PhaseHistory> = Box::new(InMemory::copy_of(history)?);
+            Ok((about.clone(), history))
+        });
+        Ok(Channels::new(read.collect::<Result<_, _>>()?)?)
     }
 
     /// Return the channels.

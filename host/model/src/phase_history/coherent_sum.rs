@@ -23,7 +23,7 @@ use num_complex::Complex32;
 
 use super::channels::check_summable;
 use super::{
-    Beam, Channel, ChannelError, Channels, Collection, InputFile, NoBeam, PhaseConvention,
+    Beam, Channel, ChannelError, Channels, Collection, Defect, InputFile, NoBeam, PhaseConvention,
     PhaseHistory, ReadError,
 };
 
@@ -156,6 +156,16 @@ impl PhaseHistory for CoherentSum<'_> {
                 new.filter(|warning| !all.contains(warning))
                     .collect::<Vec<_>>(),
             );
+        }
+        all
+    }
+
+    fn defects(&self) -> Vec<Defect> {
+        let mut all = Vec::new();
+        for defect in (self.channels.iter()).flat_map(|(_, history)| history.defects()) {
+            if !all.contains(&defect) {
+                all.push(defect);
+            }
         }
         all
     }

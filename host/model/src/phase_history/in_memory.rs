@@ -6,7 +6,7 @@ use std::path::Path;
 use num_complex::Complex32;
 
 use super::{
-    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
+    Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
     check_finite,
 };
 
@@ -19,6 +19,7 @@ pub struct InMemory {
     channels: Vec<Channel>,
     conventions: Vec<PhaseConvention>,
     warnings: Vec<String>,
+    defects: Vec<Defect>,
     beam: Result<Option<Beam>, NoBeam>,
 }
 
@@ -55,7 +56,29 @@ impl InMemory {
             channels: Vec::new(),
             conventions: Vec::new(),
             warnings: Vec::new(),
+            defects: Vec::new(),
             beam: Ok(None),
+        })
+    }
+
+    /// Read all pulses of `history` into memory. Samples and description are those of `history`; true positions and a moving target
+    /// are not kept.
+    ///
+    /// # Errors
+    /// [`ReadError`] of reading the pulses.
+    pub fn copy_of(history: &dyn PhaseHistory) -> Result<Self, ReadError> {
+        let collection = history.collection().clone();
+        let count = collection.pulses.len();
+        let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
+        history.read(0..count, &mut samples)?;
+        Ok(Self {
+            inputs: history.inputs()?,
+            channels: history.channels(),
+            conventions: history.phase_conventions(),
+            warnings: history.warnings(),
+            defects: history.defects(),
+            beam: history.stated_beam(),
+            ..Self::new(collection, samples)?
         })
     }
 
@@ -84,6 +107,13 @@ impl InMemory {
     #[must_use]
     pub fn with_warnings(mut self, warnings: Vec<String>) -> Self {
         self.warnings.extend(warnings);
+        self
+    }
+
+    /// Add defects of the recording, without their warnings.
+    #[must_use]
+    pub fn with_defects(mut self, defects: Vec<Defect>) -> Self {
+        self.defects.extend(defects);
         self
     }
 
@@ -135,6 +165,10 @@ impl PhaseHistory for InMemory {
 
     fn warnings(&self) -> Vec<String> {
         self.warnings.clone()
+    }
+
+    fn defects(&self) -> Vec<Defect> {
+        self.defects.clone()
     }
 
     fn held_bytes(&self) -> u64 {

@@ -25,7 +25,8 @@ use num_complex::Complex32;
 
 use super::order::travelled_angles;
 use super::{
-    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, Pulse, ReadError,
+    Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory, Pulse,
+    ReadError,
 };
 
 /// Several recordings joined into one aperture.
@@ -410,6 +411,11 @@ impl PhaseHistory for Joined {
         parts.flat_map(|part| part.warnings()).collect()
     }
 
+    fn defects(&self) -> Vec<Defect> {
+        let parts = self.parts.iter();
+        parts.flat_map(|part| part.defects()).collect()
+    }
+
     fn held_bytes(&self) -> u64 {
         let own = self.whole.as_ref().map_or(0, Whole::bytes);
         own as u64 + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
@@ -449,6 +455,7 @@ mod tests {
             start_hz: 10e9,
             step_hz: 1e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         let collection = Collection {
             name: "along x".to_owned(),
@@ -497,7 +504,7 @@ mod tests {
             }
         }
         // Geometry of the parts and of the aperture, samples of the parts, and three blocks.
-        let own = 2 * 8 * 240 + 3 * 24;
+        let own = 2 * 8 * size_of::<Pulse>() as u64 + 3 * 24;
         assert_eq!(aperture.held_bytes(), own + 8 * 8 * width as u64);
     }
 
@@ -510,7 +517,7 @@ mod tests {
         let mut got = vec![Complex32::ZERO; 3 * width];
         aperture.read(0..3, &mut got).unwrap();
         assert_eq!(got, samples);
-        assert_eq!(aperture.held_bytes(), 3 * 240 + 3 * 8 * width as u64);
+        assert_eq!(aperture.held_bytes(), 3 * 264 + 3 * 8 * width as u64);
     }
 
     #[test]

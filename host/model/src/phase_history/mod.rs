@@ -1,7 +1,7 @@
 //! Phase history: the input of every image former and the output of every reader.
 //!
 //! A [`PhaseHistory`] is a [`Collection`] (geometry and frequencies of every pulse, held in memory,
-//! 240 bytes a pulse) and a method that reads the samples of any block of pulses. Samples are read on demand, so a
+//! 264 bytes a pulse) and a method that reads the samples of any block of pulses. Samples are read on demand, so a
 //! file may be larger than memory.
 //!
 //! Sample `k` of pulse `n` for a unit scatterer at `p` is `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at
@@ -13,6 +13,7 @@ mod block_illumination;
 mod channels;
 mod coherent_sum;
 pub mod convention;
+mod defect;
 mod in_memory;
 mod joined;
 mod misplaced;
@@ -20,7 +21,10 @@ mod on_track;
 mod order;
 pub mod physical;
 mod pulse;
+mod pulse_defects;
+mod pulse_gaps;
 mod pulse_range;
+mod shared;
 mod sweep;
 mod track_error;
 mod troposphere_corrected;
@@ -42,11 +46,13 @@ pub use block_illumination::BlockIllumination;
 pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channel};
 pub use coherent_sum::CoherentSum;
 pub use convention::{Basis, Inference, PhaseConvention, PhaseReference, PhaseSign};
+pub use defect::{Defect, DefectKind, Examined};
 pub use in_memory::InMemory;
 pub use joined::Joined;
 pub use misplaced::{Excluding, misplaced, named as named_pulses};
 pub use on_track::OnTrack;
 use order::{is_one_pass, ranks_by_angle};
+pub use pulse_defects::{LEAST_PULSES, examined_pulses, pulse_defects};
 pub use pulse_range::PulseRange;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
@@ -161,8 +167,39 @@ pub struct InputFile {
     pub path: PathBuf,
     /// Size of the file, bytes.
     pub bytes: u64,
+    /// Identity of the content. Its name is a key of the JSON object.
+    #[serde(flatten)]
+    pub identity: FileIdentity,
+}
+
+/// Identity of a file's content.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FileIdentity {
     /// CRC-32 (IEEE) of the whole file, in hexadecimal.
-    pub crc32: String,
+    Crc32(String),
+    /// Version of a file at a URL, as its server states it: the file is not read whole.
+    Version(String),
+}
+
+impl FileIdentity {
+    /// Text of the checksum or of the version.
+    pub fn text(&self) -> &str {
+        match self {
+            Self::Crc32(text) | Self::Version(text) => text,
+        }
+    }
+}
+
+impl InputFile {
+    /// A file of `bytes` bytes with its CRC-32 in hexadecimal.
+    pub fn with_crc32(path: &Path, bytes: u64, crc32: String) -> Self {
+        Self {
+            path: path.to_owned(),
+            bytes,
+            identity: FileIdentity::Crc32(crc32),
+        }
+    }
 }
 
 /// Write a path as text. Bytes that are not valid UTF-8 are replaced, so that the image can still be written.
@@ -272,7 +309,7 @@ pub trait PhaseHistory: Sync + Send {
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
     /// History whose pulses this one presents with changes, if there is one. What describes the recording (start, channels, phase
-    /// conventions, warnings, input files) is then that history's unless overridden. Samples, true positions and beam are not passed on:
+    /// conventions, warnings, defects, input files) is then that history's unless overridden. Samples, true positions and beam are not passed on:
     /// a change of pulses changes them.
     fn inner(&self) -> Option<&dyn PhaseHistory> {
         None
@@ -335,6 +372,11 @@ pub trait PhaseHistory: Sync + Send {
     /// Warnings about the quality of an image formed from this history, one sentence each.
     fn warnings(&self) -> Vec<String> {
         self.inner().map_or_else(Vec::new, |inner| inner.warnings())
+    }
+
+    /// Defects of the recorded pulses and samples, as measured. [`Self::warnings`] contains each as a sentence.
+    fn defects(&self) -> Vec<Defect> {
+        self.inner().map_or_else(Vec::new, |inner| inner.defects())
     }
 
     /// Memory held during the lifetime of this history, bytes: at least the geometry of all pulses.

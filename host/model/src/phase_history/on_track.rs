@@ -14,7 +14,7 @@ use crate::track::Trajectory;
 /// a property of the samples. Intra-pulse motion stays as recorded ([`Sweep`](super::Sweep)): the difference
 /// between the tracks within a pulse is neglected.
 ///
-/// Memory: a copy of the geometry, 240 bytes a pulse.
+/// Memory: a copy of the geometry, 264 bytes a pulse.
 pub struct OnTrack<'a> {
     history: Box<dyn PhaseHistory + 'a>,
     collection: Collection,
@@ -128,6 +128,7 @@ mod tests {
             start_hz: 1e9,
             step_hz: 1e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         let collection = Collection {
             name: "east".to_owned(),

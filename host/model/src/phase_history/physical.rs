@@ -87,6 +87,7 @@ mod tests {
             start_hz: 9e9,
             step_hz: 1e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         assert_eq!(good.fault(1000), None);
         type Spoil = fn(&mut Pulse);

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::sweep::Sweep;
+use crate::SPEED_OF_LIGHT_M_S;
 
 /// Geometry and frequency axis of one pulse. Positions in metres in the scene frame, at the time of sample `K/2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +26,9 @@ pub struct Pulse {
     pub step_hz: f64,
     /// Intra-pulse motion of the antennas.
     pub sweep: Sweep,
+    /// Shortest and longest two-way path of the echoes that the samples contain completely, metres. `None` if not
+    /// stated ([`Self::recorded_paths_m`]).
+    pub recorded_path_m: Option<[f64; 2]>,
 }
 
 impl Pulse {
@@ -44,6 +48,19 @@ impl Pulse {
     #[inline]
     pub fn relative_path_m(&self, point: DVec3) -> f64 {
         self.path_m(point) - self.reference_path_m
+    }
+
+    /// Two-way paths of the echoes that the samples contain completely, from and to, metres: the stated ones, otherwise
+    /// the unambiguous interval of `c / step_hz` about the reference path. `None` for raw echoes (reference path 0)
+    /// without a statement: the radar chooses their interval, by a range gate for example.
+    pub fn recorded_paths_m(&self) -> Option<[f64; 2]> {
+        let half_m = 0.5 * SPEED_OF_LIGHT_M_S / self.step_hz;
+        let about_reference = [
+            self.reference_path_m - half_m,
+            self.reference_path_m + half_m,
+        ];
+        self.recorded_path_m
+            .or((self.reference_path_m != 0.0).then_some(about_reference))
     }
 
     /// Frequency of sample `k`, hertz.

@@ -220,6 +220,7 @@ mod tests {
                 reference_m_s,
                 ..Sweep::AT_ONCE
             },
+            recorded_path_m: None,
         }
     }
 

@@ -13,7 +13,7 @@ use crate::geometry::{ImageGrid, Troposphere};
 ///
 /// Neglected: the difference of the extra path between other points and the reference point ([`Self::residual_m`]).
 ///
-/// Memory: a copy of the geometry, 240 bytes per pulse.
+/// Memory: a copy of the geometry, 264 bytes per pulse.
 pub struct TroposphereCorrected<'a> {
     history: Box<dyn PhaseHistory + 'a>,
     collection: Collection,

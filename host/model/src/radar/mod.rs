@@ -6,6 +6,7 @@ mod shape;
 mod waveform;
 
 use glam::DVec3;
+use num_complex::Complex64;
 
 use crate::phase_history::Band;
 
@@ -121,6 +122,15 @@ pub enum PulseShape {
         phases_rad: Vec<f64>,
         /// Duration of a chip.
         chip_s: f64,
+    },
+    /// Samples of the transmitted pulse, the first at its start.
+    Recorded {
+        /// Complex samples at baseband.
+        samples: Vec<Complex64>,
+        /// Sampling rate of the samples.
+        rate_hz: f64,
+        /// Band in use, about 0 Hz.
+        bandwidth_hz: f64,
     },
 }
 

@@ -7,6 +7,9 @@
 //! ```text
 //! P(f) = rate chip_s sinc(f chip_s) exp(-j pi f chip_s) sum_c exp(j phase_c - j 2 pi f c chip_s)
 //! ```
+//!
+//! A recorded pulse has the spectrum of its samples. All phases refer to the start of the pulse: that of a sweep is 0 there,
+//! and `-pi B T / 4` in its middle.
 
 use num_complex::Complex64;
 use subaperture_fft::Transforms;
@@ -20,14 +23,18 @@ impl PulseShape {
         match self {
             Self::Lfm { duration_s, .. } => *duration_s,
             Self::PhaseCode { phases_rad, chip_s } => phases_rad.len() as f64 * chip_s,
+            Self::Recorded {
+                samples, rate_hz, ..
+            } => samples.len() as f64 / rate_hz,
         }
     }
 
-    /// Bandwidth, hertz: the swept band, or the inverse of the chip duration.
+    /// Bandwidth, hertz: the swept band, the inverse of the chip duration, or the band in use of a recorded pulse.
     pub fn bandwidth_hz(&self) -> f64 {
         match self {
             Self::Lfm { bandwidth_hz, .. } => *bandwidth_hz,
             Self::PhaseCode { chip_s, .. } => 1.0 / chip_s,
+            Self::Recorded { bandwidth_hz, .. } => *bandwidth_hz,
         }
     }
 
@@ -47,6 +54,14 @@ impl PulseShape {
                 for i in 0..length {
                     let t = i as f64 / rate_hz;
                     samples[i % count] += phasor(0.5 * chirp_hz_s * t * (t - duration_s));
+                }
+                Transforms::Portable.forward(count).process(&mut samples);
+                samples
+            }
+            Self::Recorded { samples: own, .. } => {
+                let mut samples = vec![Complex64::ZERO; count];
+                for (i, z) in own.iter().enumerate() {
+                    samples[i % count] += z;
                 }
                 Transforms::Portable.forward(count).process(&mut samples);
                 samples

@@ -117,6 +117,7 @@ mod tests {
             start_hz: 1e10,
             step_hz: 1e6,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         let empty = Collection {
             name: String::new(),

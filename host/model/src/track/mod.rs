@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`Linear`], [`Circular`] | smooth | smooth |
 //! | [`Spline`], [`SampledTrack`], [`Displacement`] | twice continuously differentiable | continuous |
+//! | [`StateVectors`] | continuous to rounding, and to the error of the interpolation | as the position |
 //! | [`Profile`] | once continuously differentiable | continuous |
 //! | [`Waypoints`], [`Rail`], [`Arc`] | continuous | jumps at waypoints, ends and turns |
 //!
@@ -25,6 +26,7 @@ mod profile;
 mod rail;
 mod sampled_track;
 mod spline;
+mod state_vectors;
 mod strays;
 mod waypoints;
 
@@ -41,6 +43,7 @@ pub use profile::Profile;
 pub use rail::Rail;
 pub use sampled_track::{Fix, SampledTrack};
 pub use spline::Spline;
+pub use state_vectors::{StateVectors, orbit_rate_rad_s};
 pub(crate) use strays::joined;
 pub use strays::strays;
 pub use waypoints::Waypoints;

@@ -215,6 +215,7 @@ mod tests {
                 start_hz: 1e9,
                 step_hz: 1e3,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             })
             .collect();
         let bin_m = LIGHT_M_S / (16.0 * 1e3);

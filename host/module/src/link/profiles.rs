@@ -306,12 +306,12 @@ impl Session<'_> {
                     }
                 }
             }
-            if tries >= MIN_TRIES && progress_at.elapsed() > settings.idle {
+            if tries >= MIN_TRIES && progress_at.elapsed() > settings.stuck() {
                 break;
             }
             // Requests wait behind the samples on a slow line.
             answer = (2 * answer).min(settings.idle);
         }
-        Err(LinkError::Stuck(settings.idle))
+        Err(LinkError::Stuck(settings.stuck()))
     }
 }

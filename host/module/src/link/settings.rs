@@ -22,6 +22,17 @@ pub struct Settings {
     pub events: Option<Level>,
 }
 
+/// Factor on the idle time for a module that answers without progress: a large map or a sweep takes seconds on a small processor, and longer on an
+/// emulated one.
+const STUCK_IDLES: u32 = 6;
+
+impl Settings {
+    /// Time without progress after which a module that answers is given up.
+    pub(super) fn stuck(&self) -> Duration {
+        self.idle * STUCK_IDLES
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {

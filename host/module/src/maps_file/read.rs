@@ -105,11 +105,11 @@ impl MapFile {
             .source
             .crc(0, self.source.length, crc32fast::Hasher::new())?;
         self.source.check_unchanged()?;
-        Ok(InputFile {
-            path: self.source.path.clone(),
-            bytes: self.source.length,
-            crc32: format!("{crc:08x}"),
-        })
+        Ok(InputFile::with_crc32(
+            &self.source.path,
+            self.source.length,
+            format!("{crc:08x}"),
+        ))
     }
 
     /// Read totals and index from the tail at `place`.

@@ -14,6 +14,7 @@
 //! | [`follow`] | association of targets from pulse to pulse | |
 //! | [`detect_targets()`] | all of these over a recording, in blocks | 7.4 |
 //! | [`recover()`] | the track, aligned with the recorded positions | 7.4 |
+//! | [`on_track()`] | channels on a track that replaces the recorded positions | 7.4 |
 //! | [`live`] | online track, pulse by pulse | |
 //! | [`fault`] | faults of a recording, and what stays reliable | |
 
@@ -25,6 +26,7 @@ pub mod fault;
 pub mod follow;
 mod for_module;
 pub mod live;
+mod placed;
 mod profile;
 mod recover;
 
@@ -32,4 +34,5 @@ pub use arrangement::{Arrangement, ArrangementError};
 pub use detection::{Detections, Settings, TargetsError, detect_targets};
 pub use echo::{Echo, Subtraction};
 pub use fault::Fault;
+pub use placed::on_track;
 pub use recover::{Moment, Mover, Place, Recovered, recover};

@@ -147,6 +147,7 @@ impl Recording<'_> {
                         start_hz: self.radar.start_hz,
                         step_hz: self.radar.step_hz,
                         sweep: Sweep::AT_ONCE,
+                        recorded_path_m: None,
                     };
                     for k in 0..self.radar.samples {
                         let hz = self.radar.start_hz + k as f64 * self.radar.step_hz;

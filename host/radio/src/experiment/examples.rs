@@ -1,7 +1,7 @@
 //! Example experiments, as printed by `subap capture --example NAME`.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 7] = [
+const EXAMPLES: [(&str, &str); 8] = [
     ("thesis", include_str!("examples/thesis.toml")),
     ("thesis-scene", include_str!("examples/thesis-scene.toml")),
     ("rail", include_str!("examples/rail.toml")),
@@ -9,10 +9,11 @@ const EXAMPLES: [(&str, &str); 7] = [
     ("walk", include_str!("examples/walk.toml")),
     ("walk-scene", include_str!("examples/walk-scene.toml")),
     ("b210", include_str!("examples/b210.toml")),
+    ("vna", include_str!("examples/vna.toml")),
 ];
 
 /// Names of the examples.
-pub fn names() -> [&'static str; 7] {
+pub fn names() -> [&'static str; 8] {
     EXAMPLES.map(|(name, _)| name)
 }
 

@@ -9,12 +9,13 @@ use subaperture_describe::schema::Schema;
 use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 
 use super::live::LiveKeys;
-use super::{Device, Experiment, ExperimentError, Simulated, Usrp, unread};
+use super::{AnyExperiment, Device, Experiment, ExperimentError, Simulated, Usrp, unread};
 use crate::antennas::Reference;
 use crate::fault::Faults;
 use crate::plan::Plan;
 use crate::plan::keys::PlanKeys;
 use crate::simulated::{Analogue, Coupled, Wiring};
+use crate::vna::{self, VnaExperiment};
 
 /// Description of an experiment.
 #[section]
@@ -34,7 +35,7 @@ struct ExperimentKeys {
 /// The radio: simulated, a USRP with the UHD driver, or the replay of a recording.
 #[section]
 struct DeviceKeys {
-    /// Kind of radio.
+    /// Kind of radio. "vna", a vector network analyser, has keys of its own.
     #[key(required = "simulated", select(Simulated, Uhd, Replay))]
     kind: DeviceKind,
     /// Scenario file with scene, antenna positions and receiver, as for subap simulate.
@@ -117,11 +118,8 @@ impl Experiment {
         settings: &[(String, String)],
         memory_bytes: u64,
     ) -> Result<Self, ExperimentError> {
-        let mut description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
-        for (key, value) in settings {
-            description.set(&SCHEMA, "--set", key, value)?;
-        }
-        Ok(Self::describe(&description)?)
+        let description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
+        Ok(set_and_describe(description, settings)?)
     }
 
     /// Make an experiment from a parsed description.
@@ -130,6 +128,61 @@ impl Experiment {
     /// All faults of the text, with their lines.
     pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
         build(description).map_err(|faults| description.explain(faults))
+    }
+}
+
+fn set(
+    description: &mut Description,
+    schema: &Schema,
+    settings: &[(String, String)],
+) -> Result<(), DescriptionError> {
+    let mut settings = settings.iter();
+    settings.try_for_each(|(key, value)| description.set(schema, "--set", key, value))
+}
+
+fn set_and_describe(
+    mut description: Description,
+    settings: &[(String, String)],
+) -> Result<Experiment, DescriptionError> {
+    set(&mut description, &SCHEMA, settings)?;
+    Experiment::describe(&description)
+}
+
+impl AnyExperiment {
+    /// Read an experiment file within `memory_bytes`, and override keys with `settings`.
+    ///
+    /// # Errors
+    /// If the file cannot be read; otherwise all faults of its text.
+    pub fn read_within(
+        path: &Path,
+        settings: &[(String, String)],
+        memory_bytes: u64,
+    ) -> Result<Self, ExperimentError> {
+        let description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
+        Ok(Self::describe(description, settings)?)
+    }
+
+    /// Make an experiment of the kind that the last of `settings`, or else the text, states.
+    ///
+    /// # Errors
+    /// All faults of the text, with their lines.
+    pub fn describe(
+        mut description: Description,
+        settings: &[(String, String)],
+    ) -> Result<Self, DescriptionError> {
+        let kinds = settings.iter().rev();
+        let mut kinds = kinds.filter(|(key, _)| key == "device.kind");
+        let kind = match kinds.next() {
+            Some((_, kind)) => Some(kind.trim_matches('"').to_owned()),
+            None => description.string_at("device", "kind"),
+        };
+        Ok(match kind.as_deref() {
+            Some("vna") => {
+                set(&mut description, &vna::SCHEMA, settings)?;
+                Self::Analyser(Box::new(VnaExperiment::describe(&description)?))
+            }
+            _ => Self::Radio(Box::new(set_and_describe(description, settings)?)),
+        })
     }
 }
 

@@ -24,6 +24,7 @@ use crate::replay::Replay;
 use crate::sigmf::{Recording, SigmfError};
 use crate::simulated::{Analogue, SimulatedRadio, Wiring};
 use crate::transceiver::Transceiver;
+use crate::vna::VnaExperiment;
 
 pub use keys::reference;
 pub use live::{BodyMotion, Live};
@@ -43,6 +44,15 @@ pub struct Experiment {
     pub calibration: Option<PathBuf>,
     /// Live imaging settings, if given.
     pub live: Option<Live>,
+}
+
+/// Experiment with a radio or with a vector network analyser.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyExperiment {
+    /// Stepped-frequency capture with a radio.
+    Radio(Box<Experiment>),
+    /// Capture with a vector network analyser.
+    Analyser(Box<VnaExperiment>),
 }
 
 /// Radio backend and its options.

@@ -175,6 +175,7 @@ impl<'a> Motion<'a> {
             start_hz: sweep.start_hz,
             step_hz: sweep.step_hz,
             sweep: self.sweep(),
+            recorded_path_m: None,
         };
         let spread = [transmitter_m, receiver_m].map(|from_m| spread(from_m, reference_m, extent));
         let allowed_m = MAX_OFF * SPEED_OF_LIGHT_M_S / highest_hz;

@@ -249,6 +249,7 @@ fn pulse(
         start_hz: sweep.start_hz,
         step_hz: sweep.step_hz,
         sweep: motion.sweep(),
+        recorded_path_m: None,
     };
     Ok((pulse, samples))
 }
@@ -292,10 +293,6 @@ impl PhaseHistory for Placed {
             path: self.path.clone(),
             source,
         })?;
-        Ok(vec![InputFile {
-            path: self.path.clone(),
-            bytes,
-            crc32,
-        }])
+        Ok(vec![InputFile::with_crc32(&self.path, bytes, crc32)])
     }
 }

@@ -108,7 +108,7 @@ fn geography(w: &mut Writer, laid: &Laid) {
     w.element("GeoData", "", |w| {
         w.text("EarthModel", "WGS_84");
         corners(w, &laid.corners, SHARED);
-        valid_data(w, &laid.placed, &laid.seen, SHARED);
+        valid_data(w, &laid.placed, &laid.sensor, SHARED);
     });
 }
 
@@ -129,7 +129,7 @@ fn measurement(w: &mut Writer, laid: &Laid) {
             row_column(w, "SampleSpacing", placed.layout.spacings_m);
             w.element("TimeCOAPoly", "order1=\"0\" order2=\"0\"", |w| {
                 let at = "exponent1=\"0\" exponent2=\"0\"";
-                let coa_s = laid.aperture.coa_s();
+                let coa_s = laid.aperture.coa_s;
                 w.text_with("sicommon:Coef", at, format_args!("{coa_s:?}"));
             });
             w.element("ProductPlane", "", |w| {

@@ -39,6 +39,11 @@ impl Sidd {
         created_ns: i64,
     ) -> Result<Self, SicdError> {
         let laid = Laid::new(formed, placing)?;
+        if laid.bistatic.is_some() {
+            return Err(SicdError::Unsuited(
+                "transmitter and receiver are more than a milliradian apart seen from the scene; SIDD describes monostatic images: write SICD".to_owned(),
+            ));
+        }
         let xml = describe::document(formed, &laid, greys, created_ns);
         Ok(Self(laid.written(
             formed,

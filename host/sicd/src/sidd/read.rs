@@ -1,7 +1,14 @@
-//! Reader of SIDD files, window by window: NITF 2.1 with uncompressed 8-bit or 16-bit grey, versions 1.0 to 3.0.
+//! Reader of SIDD files, window by window: NITF 2.1 with uncompressed grey pixels, versions 1.0 to 3.0.
+//!
+//! | `PixelType` | grey |
+//! |---|---|
+//! | `MONO8I` | 8 bits |
+//! | `MONO16I` | 16 bits |
+//! | `MONO8LU` | entry of the look-up table in the image header, 8 or 16 bits |
+//! | `RGB24I`, `RGB8LU` | refused: colours have no amplitude |
 //!
 //! A pixel's value is its grey, or the amplitude where the file states the levels of black and white (files written by [`Sidd`](crate::Sidd) do). Rows and columns are
-//! those of the file. Of several products, the first is read. **Memory** one window, and the XML.
+//! those of the file. Positions are read from `PlaneProjection`. Of several products, the first is read; legends are skipped. **Memory** one window, and the XML.
 
 use std::path::Path;
 
@@ -23,12 +30,17 @@ use crate::{Plane, ReadError};
 pub struct SiddFile {
     pixels: Pixels,
     metadata: Metadata,
+    /// Greys of `MONO8LU`, by stored pixel.
+    table: Option<Vec<u16>>,
+    /// Largest grey of the format.
+    white: f64,
 }
 
 /// Metadata of the XML.
 #[derive(Debug)]
 struct Metadata {
     version: String,
+    kind: PixelKind,
     remap: Option<String>,
     /// Levels of black and white, dB of magnitude.
     levels_db: Option<[f64; 2]>,
@@ -62,7 +74,7 @@ impl SiddFile {
         let mut images: Vec<(Layout, Segment)> = Vec::new();
         for segment in &file.images {
             // Legends and other images of the file are skipped.
-            if file.name(segment)?.starts_with("SIDD") {
+            if file.name(segment)?.starts_with("SIDD") && file.category(segment)? != "LEG" {
                 images.push((file.layout(segment)?, *segment));
             }
         }
@@ -74,30 +86,44 @@ impl SiddFile {
             product.ok_or_else(|| fault("expected a SIDD image segment, found none".to_owned()))?;
         let product = product.get(..7).unwrap_or(&product).to_owned();
         images.retain(|(layout, _)| layout.name.starts_with(&product));
-        let pixel_bytes = check(&images).map_err(fault)?;
+        let columns = images[0].0.columns;
+        let rows = images
+            .iter()
+            .try_fold(0usize, |sum, (layout, _)| sum.checked_add(layout.rows));
+        let rows = rows.ok_or_else(|| fault("the number of rows overflows".to_owned()))?;
+        let metadata = with_root(&xml, memory_bytes, |root| {
+            Metadata::parse(root, (rows, columns))
+        })
+        .map_err(|error| fault(error.to_string()))?;
+        check(&images, metadata.kind).map_err(fault)?;
+        let table = match metadata.kind {
+            PixelKind::Mono8Table => Some(table(&images).map_err(fault)?),
+            _ => None,
+        };
+        let wide =
+            metadata.kind == PixelKind::Mono16 || table.is_some() && images[0].0.tables.len() == 2;
         for (_, segment) in &images {
             file.check(segment)?;
         }
-        let columns = images[0].0.columns;
         let mut segments = Vec::with_capacity(images.len());
-        let mut rows = 0usize;
+        let mut first_row = 0usize;
         for (layout, segment) in images {
             let [block_columns, block_rows] = layout.block_size();
             segments.push(PixelSegment {
-                first_row: rows,
+                first_row,
                 block_columns,
                 block_rows,
                 blocks_per_row: layout.blocks[0],
                 offset: segment.data.offset,
             });
-            rows += layout.rows;
+            first_row += layout.rows;
         }
-        let size = (rows, columns);
-        let metadata = with_root(&xml, memory_bytes, |root| Metadata::parse(root, size))
-            .map_err(|error| fault(error.to_string()))?;
+        let pixel_bytes = metadata.kind.bytes();
         Ok(Self {
-            pixels: file.into_pixels(size, pixel_bytes, segments),
+            pixels: file.into_pixels((rows, columns), pixel_bytes, segments),
             metadata,
+            table,
+            white: if wide { 65_535.0 } else { 255.0 },
         })
     }
 
@@ -111,7 +137,7 @@ impl SiddFile {
         &self.metadata.version
     }
 
-    /// Name of the remap from magnitude to grey (`LUTName`); `None` if not stated.
+    /// Name of the remap from magnitude to grey (`LUTName`, in version 1 `RemapType`); `None` if not stated.
     pub fn remap(&self) -> Option<&str> {
         self.metadata.remap.as_deref()
     }
@@ -128,11 +154,13 @@ impl SiddFile {
 
     /// Pixel value of a grey.
     fn value(&self, bytes: &[u8]) -> f32 {
-        let (grey, white) = match *bytes {
-            [high, low] => (f64::from(u16::from_be_bytes([high, low])), 65_535.0),
-            [grey] => (f64::from(grey), 255.0),
-            _ => (0.0, 255.0),
+        let grey = match (bytes, &self.table) {
+            (&[high, low], _) => u16::from_be_bytes([high, low]),
+            (&[own], Some(table)) => table[usize::from(own)],
+            (&[own], None) => own.into(),
+            _ => 0,
         };
+        let (grey, white) = (f64::from(grey), self.white);
         match self.metadata.levels_db {
             None => grey as f32,
             Some([black, above]) => {
@@ -148,18 +176,68 @@ impl SiddFile {
     }
 }
 
-/// Check segments against each other and their stated lengths; returns the size of a pixel in bytes.
-fn check(images: &[(Layout, Segment)]) -> Result<usize, String> {
-    let (first, _) = &images[0];
-    let bytes = match (first.kind.as_str(), first.bits, first.bands) {
-        ("INT", 8, 1) => 1usize,
-        ("INT", 16, 1) => 2,
-        (kind, bits, bands) => {
-            return Err(format!(
-                "expected one band of INT, 8 or 16 bits; found {bands} bands of {kind}, {bits} bits"
-            ));
+/// Grey format of a SIDD (`PixelType`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PixelKind {
+    Mono8,
+    Mono16,
+    Mono8Table,
+}
+
+impl PixelKind {
+    fn parse(name: &str) -> Option<Self> {
+        match name {
+            "MONO8I" => Some(Self::Mono8),
+            "MONO16I" => Some(Self::Mono16),
+            "MONO8LU" => Some(Self::Mono8Table),
+            _ => None,
         }
-    };
+    }
+
+    /// Size of a stored pixel, bytes.
+    fn bytes(self) -> usize {
+        match self {
+            Self::Mono8 | Self::Mono8Table => 1,
+            Self::Mono16 => 2,
+        }
+    }
+}
+
+/// Greys of a look-up table: one table of bytes, or one of high and one of low bytes.
+fn table(images: &[(Layout, Segment)]) -> Result<Vec<u16>, String> {
+    let tables = &images[0].0.tables;
+    if images.iter().any(|(layout, _)| layout.tables != *tables) {
+        return Err("the look-up tables of the image's segments differ".to_owned());
+    }
+    match &tables[..] {
+        [grey] if grey.len() == 256 => Ok(grey.iter().map(|&grey| grey.into()).collect()),
+        [high, low] if high.len() == 256 && low.len() == 256 => {
+            let pairs = high.iter().zip(low);
+            Ok(pairs
+                .map(|(&high, &low)| u16::from_be_bytes([high, low]))
+                .collect())
+        }
+        other => Err(format!(
+            "MONO8LU: expected one or two look-up tables of 256 entries in the image header, found {} of {:?}",
+            other.len(),
+            other.iter().map(Vec::len).collect::<Vec<_>>()
+        )),
+    }
+}
+
+/// Check segments against the pixel type, each other and their stated lengths.
+fn check(images: &[(Layout, Segment)], kind: PixelKind) -> Result<(), String> {
+    let (first, _) = &images[0];
+    let bytes = kind.bytes();
+    if first.kind != "INT" || first.bits != 8 * bytes as u64 || first.bands != 1 {
+        return Err(format!(
+            "expected one band of INT, {} bits, as the XML states; found {} bands of {}, {} bits",
+            8 * bytes,
+            first.bands,
+            first.kind,
+            first.bits
+        ));
+    }
     for (layout, segment) in images {
         let alike = layout.columns == first.columns
             && layout.bits == first.bits
@@ -188,25 +266,39 @@ fn check(images: &[(Layout, Segment)]) -> Result<usize, String> {
             ));
         }
     }
-    Ok(bytes)
+    Ok(())
 }
 
 impl Metadata {
     fn parse(root: Element, size: (usize, usize)) -> Result<Self, MetadataError> {
         let version = version(root, "SIDD")?;
-        let kind = text(root, &["Display", "PixelType"]);
-        if !["MONO8I", "MONO16I"].contains(&kind.as_str()) {
-            return Err(root.fault(format!(
-                "expected Display/PixelType MONO8I or MONO16I, found '{kind}'"
-            )));
-        }
-        let remap = root.find(&[
-            "Display",
-            "NonInteractiveProcessing",
-            "ProductGenerationOptions",
-            "DataRemapping",
-            "LUTName",
-        ]);
+        let name = text(root, &["Display", "PixelType"]);
+        let kind = PixelKind::parse(&name).ok_or_else(|| {
+            let why = match name.as_str() {
+                "RGB24I" | "RGB8LU" => ", an image of colours without amplitude",
+                _ => "",
+            };
+            root.fault(format!(
+                "expected Display/PixelType MONO8I, MONO16I or MONO8LU, found '{name}'{why}"
+            ))
+        })?;
+        let remaps: [&[&str]; 2] = [
+            &[
+                "Display",
+                "NonInteractiveProcessing",
+                "ProductGenerationOptions",
+                "DataRemapping",
+                "LUTName",
+            ],
+            // Version 1.
+            &[
+                "Display",
+                "RemapInformation",
+                "MonochromeDisplayRemap",
+                "RemapType",
+            ],
+        ];
+        let remap = remaps.iter().find_map(|path| root.find(path));
         let parameter = |name: &str| {
             let own = |element: &Element| {
                 element.name() == "ModuleParameter" && element.attribute("name") == Some(name)
@@ -216,6 +308,7 @@ impl Metadata {
         let levels_db = parameter("black_db").zip(parameter("white_db"));
         Ok(Self {
             version,
+            kind,
             remap: remap.map(|name| name.text().into_owned()),
             levels_db: levels_db
                 .map(|(black, white)| [black, white])

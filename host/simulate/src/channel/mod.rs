@@ -374,7 +374,8 @@ impl Echoes for Channel<'_> {
         let held = size_of_val(self.collection.pulses.as_slice())
             + size_of_val(self.true_antennas.as_slice())
             + size_of_val(self.saturated.as_slice())
-            + size_of_val(scene.points.as_slice());
+            + size_of_val(scene.points.as_slice())
+            + size_of_val(scene.moving_points.as_slice());
         held as u64 + self.engine.held_bytes()
     }
 }

@@ -77,12 +77,18 @@ impl Pulsed {
     }
 }
 
-/// Smallest and largest delay of the static scene, seconds; `None` if the static scene is empty.
+/// Smallest and largest delay of points and corners, seconds; `None` for a scene without them. Points of constant
+/// velocity are between their places at the first and at the last pulse.
 fn delays(experiment: &Experiment, antennas: &[[DVec3; 2]]) -> Option<(f64, f64)> {
     let scene = &experiment.scene;
     let points = scene.points.iter().map(|p| p.position_m);
     let corners = scene.corners.iter().map(|c| c.position_m);
-    let all = points.chain(corners).map(|p| (p, p));
+    let radar = &experiment.radar;
+    let last_s = radar.start_s + radar.num_pulses as f64 * radar.pri_s;
+    let moving = [radar.start_s, last_s]
+        .into_iter()
+        .flat_map(|t| scene.moving_points.iter().map(move |p| p.position_m(t)));
+    let all = points.chain(corners).chain(moving).map(|p| (p, p));
     let (low, high) = all.reduce(|(low, high), (p, q)| (low.min(p), high.max(q)))?;
     let of_pulse = |&[transmitter_m, receiver_m]: &[DVec3; 2]| {
         let delay_s =

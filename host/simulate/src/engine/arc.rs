@@ -28,6 +28,7 @@
     reason = "lanes of several arrays of one fixed length, side by side"
 )]
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -45,11 +46,12 @@ const MIN_SAMPLES: usize = 16;
 /// Values of `kappa` at which an antenna's track is compared with its parabola.
 const CHECKS: [f64; 6] = [-0.85, -0.58, -0.25, 0.25, 0.58, 0.85];
 
-/// Distances of the nearest and farthest scatterers from one antenna, metres.
+/// Distances of the nearest and farthest scatterers from one antenna, metres, and their largest speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     pub(super) near_m: f64,
     pub(super) far_m: f64,
+    pub(super) speed_m_s: f64,
 }
 
 /// Parabola in space, `start + step x + bend x^2` for `|x| <= 1`.
@@ -168,7 +170,8 @@ impl Arc {
             (&self.receiver, receiver, 1.0),
             (&self.transmitter, transmitter, scale),
         ] {
-            let v = (track.step_m.length() + 2.0 * track.bend_m.length()) * scale;
+            let v = (track.step_m.length() + 2.0 * track.bend_m.length()) * scale
+                + reach.speed_m_s * self.half_s.abs();
             let a = 2.0 * track.bend_m.length() * scale * scale;
             // The distances are those at the middle of the sweep.
             let near_m = (reach.near_m - v * self.to_middle).max(0.0);
@@ -205,17 +208,31 @@ impl Arc {
         [c0, c1 / self.half_samples, c2]
     }
 
-    /// Phases of static scatterers.
+    /// Phases of static scatterers, or of those with constant velocities.
     pub(super) fn phases(&self, chunk: &Chunk, phases: &mut Phases) {
         let mut delays = [[0.0; LANES]; 3];
         for (kappa, delays) in [-1.0, 0.0, 1.0].into_iter().zip(&mut delays) {
-            self.delays_s(chunk, kappa, delays);
+            self.delays_s(&self.reflecting(chunk, kappa), kappa, delays);
         }
         let [before, middle, after] = &delays;
         for i in 0..LANES {
             [phases.turns[i], phases.slope[i], phases.bend[i]] =
                 self.coefficients(before[i], middle[i], after[i]);
         }
+    }
+
+    /// Chunk with positions at the times of reflection of the wave received at `kappa`. One iteration of the fixed
+    /// point: with a speed `u` the error is `u^2 / c` times the duration of the receive path.
+    fn reflecting<'c>(&self, chunk: &'c Chunk, kappa: f64) -> Cow<'c, Chunk> {
+        if !chunk.moves() {
+            return Cow::Borrowed(chunk);
+        }
+        let received_s = self.centre_s + kappa * self.half_s;
+        let mut ranges_m = [0.0; LANES];
+        chunk
+            .at(|_| received_s)
+            .ranges_m(self.receiver.at(kappa), &mut ranges_m);
+        chunk.at(|i| received_s - ranges_m[i] / SPEED_OF_LIGHT_M_S)
     }
 
     /// Delays minus the reference delay at `kappa`. Two iterations of the fixed point. The initial guess, twice the

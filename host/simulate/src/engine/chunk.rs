@@ -9,9 +9,12 @@
     reason = "lanes of several arrays of one fixed length, side by side"
 )]
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use crate::Scatterer;
+use crate::scene::MovingPoint;
 
 /// Scatterers per chunk.
 pub(super) const LANES: usize = 256;
@@ -31,6 +34,8 @@ pub(super) struct Chunk {
     pub(super) z_m: Lanes<f64>,
     pub(super) re: Lanes<f32>,
     pub(super) im: Lanes<f32>,
+    /// Velocities along x, y and z, metres per second; `None` if the scatterers are static. Positions are at time 0.
+    velocity_m_s: Option<Box<[Lanes<f64>; 3]>>,
 }
 
 impl Chunk {
@@ -43,6 +48,7 @@ impl Chunk {
             z_m: [0.0; LANES],
             re: [0.0; LANES],
             im: [0.0; LANES],
+            velocity_m_s: None,
         };
         for (i, point) in points.into_iter().take(LANES).enumerate() {
             [chunk.x_m[i], chunk.y_m[i], chunk.z_m[i]] = point.position_m.to_array();
@@ -51,6 +57,58 @@ impl Chunk {
             chunk.count = i + 1;
         }
         chunk
+    }
+
+    /// Make a chunk of at most [`LANES`] moving scatterers.
+    pub(super) fn moving(points: &[MovingPoint]) -> Self {
+        let mut velocity_m_s = Box::new([[0.0; LANES]; 3]);
+        for (i, point) in points.iter().take(LANES).enumerate() {
+            for (axis, component) in velocity_m_s.iter_mut().zip(point.velocity_m_s.to_array()) {
+                axis[i] = component;
+            }
+        }
+        Self {
+            velocity_m_s: Some(velocity_m_s),
+            ..Self::new(points.iter().map(|point| point.start))
+        }
+    }
+
+    /// Whether the scatterers move.
+    pub(super) fn moves(&self) -> bool {
+        self.velocity_m_s.is_some()
+    }
+
+    /// Largest speed of the scatterers, metres per second.
+    pub(super) fn speed_m_s(&self) -> f64 {
+        let Some(velocity) = &self.velocity_m_s else {
+            return 0.0;
+        };
+        let speeds = (0..self.count).map(|i| DVec3::from(velocity.map(|axis| axis[i])).length());
+        speeds.fold(0.0, f64::max)
+    }
+
+    /// Size in memory, bytes.
+    pub(super) fn held_bytes(&self) -> usize {
+        size_of_val(self) + self.velocity_m_s.as_deref().map_or(0, size_of_val)
+    }
+
+    /// Chunk with the position of each scatterer `i` at `time_s(i)`.
+    pub(super) fn at(&self, time_s: impl Fn(usize) -> f64) -> Cow<'_, Self> {
+        let Some(velocity) = &self.velocity_m_s else {
+            return Cow::Borrowed(self);
+        };
+        let mut chunk = Self {
+            velocity_m_s: None,
+            ..*self
+        };
+        let [vx, vy, vz] = &**velocity;
+        for i in 0..LANES {
+            let t = time_s(i);
+            chunk.x_m[i] += vx[i] * t;
+            chunk.y_m[i] += vy[i] * t;
+            chunk.z_m[i] += vz[i] * t;
+        }
+        Cow::Owned(chunk)
     }
 
     /// Position of scatterer `i`, metres.

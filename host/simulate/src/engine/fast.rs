@@ -1,6 +1,6 @@
 //! Fast sum over scatterers: one NUFFT per pulse over chunks of scatterers.
 //!
-//! With stop-and-go, a scatterer's phase is linear in `k`, a single frequency of the NUFFT. With intra-pulse motion it
+//! Points of constant velocity are static points at their places in the pulse. With stop-and-go, a scatterer's phase is linear in `k`, a single frequency of the NUFFT. With intra-pulse motion it
 //! is a parabola over each block of samples ([`super::arc`]), a series of NUFFTs ([`super::run`]).
 
 use glam::DVec3;
@@ -46,27 +46,29 @@ pub(super) fn pulse(
                 run.finish(out);
                 lattice.refer(view, out);
             }
-            let points = if recycled.is_some() { &[] } else { points };
+            let reused = recycled.is_some();
             let mut run = Run::new(work, out.len());
-            for chunk in points.iter().chain(&corners).chain(&movers) {
-                run.illuminate(&illumination, chunk);
-                run.stand_still(view, chunk);
-                run.add(chunk, 1);
+            let points = points.iter().filter(|chunk| chunk.moves() || !reused);
+            for chunk in points.chain(&corners).chain(&movers) {
+                let chunk = chunk.at(|_| view.time_s);
+                run.illuminate(&illumination, &chunk);
+                run.stand_still(view, &chunk);
+                run.add(&chunk, 1);
             }
             run.finish(out);
         }
         Motion::True => {
-            let still = || points.iter().chain(&corners);
+            let all = || points.iter().chain(&corners);
             let reaches = [illumination.transmitter_m, illumination.receiver_m]
-                .map(|from_m| reach(work, still(), from_m));
+                .map(|from_m| reach(work, all(), from_m, middle_s));
             let Some(arcs) = Arc::split(view, reaches[0], reaches[1]) else {
                 return sum::pulse(scene, view, out);
             };
             for arc in &arcs {
                 let samples = arc.first..arc.first + arc.count;
                 let mut run = Run::new(work, arc.count);
-                for chunk in still() {
-                    run.illuminate(&illumination, chunk);
+                for chunk in all() {
+                    run.illuminate(&illumination, &chunk.at(|_| middle_s));
                     arc.phases(chunk, &mut run.work.phases);
                     run.add_bent(chunk);
                 }
@@ -91,8 +93,15 @@ pub(super) fn pulse(
     }
 }
 
+/// Chunks of a scene's points: static ones, then moving ones.
+pub(super) fn points(scene: &Scene) -> Vec<Chunk> {
+    let mut points = chunks(scene.points.iter().copied());
+    points.extend(scene.moving_points.chunks(LANES).map(Chunk::moving));
+    points
+}
+
 /// Group scatterers into chunks.
-pub(super) fn chunks(scatterers: impl Iterator<Item = Scatterer>) -> Vec<Chunk> {
+fn chunks(scatterers: impl Iterator<Item = Scatterer>) -> Vec<Chunk> {
     let mut scatterers = scatterers.peekable();
     let mut chunks = Vec::new();
     while scatterers.peek().is_some() {
@@ -101,10 +110,18 @@ pub(super) fn chunks(scatterers: impl Iterator<Item = Scatterer>) -> Vec<Chunk> 
     chunks
 }
 
-/// Distances of the nearest and farthest scatterers from `from_m`; NaN positions make the interval infinitely wide.
-fn reach<'a>(work: &mut Work, chunks: impl Iterator<Item = &'a Chunk>, from_m: DVec3) -> Reach {
+/// Distances of the nearest and farthest scatterers from `from_m` at `time_s`; NaN positions make the interval infinitely
+/// wide.
+fn reach<'a>(
+    work: &mut Work,
+    chunks: impl Iterator<Item = &'a Chunk>,
+    from_m: DVec3,
+    time_s: f64,
+) -> Reach {
     let mut reach: Option<Reach> = None;
     for chunk in chunks {
+        let speed_m_s = chunk.speed_m_s();
+        let chunk = chunk.at(|_| time_s);
         let ranges_m = &mut work.ranges_m[0];
         chunk.ranges_m(from_m, ranges_m);
         let (mut near_m, mut far_m) = (f64::INFINITY, 0.0f64);
@@ -112,15 +129,21 @@ fn reach<'a>(work: &mut Work, chunks: impl Iterator<Item = &'a Chunk>, from_m: D
             near_m = near_m.min(range_m);
             far_m = far_m.max(range_m);
         }
-        let so_far = reach.unwrap_or(Reach { near_m, far_m });
+        let so_far = reach.unwrap_or(Reach {
+            near_m,
+            far_m,
+            speed_m_s,
+        });
         reach = Some(Reach {
             near_m: so_far.near_m.min(near_m),
             far_m: so_far.far_m.max(far_m),
+            speed_m_s: so_far.speed_m_s.max(speed_m_s),
         });
     }
-    // No static scatterers: any distance is valid.
+    // No points and corners: any distance is valid.
     reach.unwrap_or(Reach {
         near_m: 1e6,
         far_m: 1e6,
+        speed_m_s: 0.0,
     })
 }

@@ -13,7 +13,8 @@
 //!
 //! [`Method::Fast`] agrees with [`Method::Sum`] to -90 dB (`tests/simulate/engine.rs`); measured: -124 dB with
 //! stop-and-go and -109 dB with intra-pulse motion. Time per point and pulse on one core, 512 samples, plain x86-64
-//! (`benches/simulate.rs`): 1500 ns for the sum, 17 ns fast, 12 ns with reuse, 67 ns with intra-pulse motion. If the
+//! (`benches/simulate.rs`): 1500 ns for the sum, 17 ns fast, 12 ns with reuse, 67 ns with intra-pulse motion. Points of
+//! constant velocity are moved to the time of the pulse, or of the reflection; they are not reused. If the
 //! antennas' tracks are too curved for blocks of 16 samples, or a scatterer is at an antenna's position with
 //! intra-pulse motion, the plain sum is used. A pulse is computed by one thread, in a fixed order.
 
@@ -48,7 +49,7 @@ pub enum Method {
 
 /// Scene prepared for sums over scatterers.
 ///
-/// Memory: for [`Method::Fast`], 32 bytes per point in addition to the scene's 40.
+/// Memory: for [`Method::Fast`], 32 bytes per point in addition to the scene's 40, 56 per moving point in addition to 64.
 #[derive(Debug)]
 pub struct Engine<'a> {
     scene: &'a Scene,
@@ -68,7 +69,7 @@ impl<'a> Engine<'a> {
     pub fn new(scene: &'a Scene, method: Method) -> Self {
         let points = match method {
             Method::Sum => Vec::new(),
-            Method::Fast => fast::chunks(scene.points.iter().copied()),
+            Method::Fast => fast::points(scene),
         };
         Self {
             scene,
@@ -92,7 +93,7 @@ impl<'a> Engine<'a> {
     /// Memory held in addition to the scene, bytes.
     pub fn held_bytes(&self) -> u64 {
         let tables = self.lattice.as_ref().map_or(0, Lattice::held_bytes);
-        size_of_val(self.points.as_slice()) as u64 + tables
+        self.points.iter().map(Chunk::held_bytes).sum::<usize>() as u64 + tables
     }
 
     /// Whether tables for a track are in use.

@@ -24,6 +24,10 @@ pub(super) fn pulse(scene: &Scene, view: &View, out: &mut [Complex64]) {
         let gain = illumination.of(point.position_m);
         adder.add(point.amplitude * gain, |_| point.position_m, out);
     }
+    for point in &scene.moving_points {
+        let gain = illumination.of(point.position_m(view.middle_s()));
+        adder.add(point.start.amplitude * gain, |t| point.position_m(t), out);
+    }
     for corner in &scene.corners {
         let gain = illumination.of(corner.position_m);
         let amplitude = Complex64::from(illumination.corner(corner) * gain);

@@ -12,6 +12,8 @@ use subaperture_describe::radar::RadarKeys;
 use subaperture_describe::schema::Schema;
 use subaperture_describe::track::{At, LogKeys, TurnKeys};
 
+use crate::scene::MAX_SPREAD_M_S;
+
 /// Schema of a scenario.
 pub(super) static SCHEMA: LazyLock<Schema> =
     LazyLock::new(|| Schema::of::<ScenarioKeys>("A scenario is a TOML file."));
@@ -154,6 +156,12 @@ pub(super) struct ClutterKeys {
     /// Mean radar cross section per square metre (sigma nought).
     #[key(required = "-20 dB", within(-300.0, 300.0, "-300 to 300 dB"))]
     pub(super) sigma0_db: Located<f64>,
+    /// Internal clutter motion, as by wind: standard deviation of the radial velocity of the points, Gaussian. Each point has a constant
+    /// velocity; positions are those at the middle of the collection. Echoes at a lag tau have the correlation
+    /// exp(-8 pi^2 velocity_spread^2 tau^2 / wavelength^2). Give many points per resolution cell: the residue of few after cancellation is
+    /// not Gaussian.
+    #[key(default = "0 m/s", within(0.0, MAX_SPREAD_M_S, "0 to 100 m/s"))]
+    pub(super) velocity_spread_m_s: Located<f64>,
 }
 
 /// Picture on a horizontal plane, with brightness proportional to amplitude.

@@ -8,8 +8,8 @@ use num_complex::Complex64;
 
 use crate::Scatterer;
 use crate::scene::{
-    Area, Building, Clutter, Corner, Density, MAX_POINTS, Mover, Picture, Placement, Scene,
-    SceneError,
+    Area, Building, Clutter, Corner, Density, InternalMotion, MAX_POINTS, Mover, Picture,
+    Placement, Scene, SceneError,
 };
 use subaperture_describe::declare::Located;
 use subaperture_describe::place;
@@ -28,6 +28,10 @@ use super::platform;
 /// Memory per point while a scene is prepared, bytes: 40 for the point, as much while it is made, 32 of the engine, and
 /// as much while those are sorted.
 const BYTES_A_POINT: u64 = 160;
+
+/// Memory of a point with a velocity, in points: 64 bytes for the point, 40 while it is made, 56 of the engine, and as
+/// much while those are sorted.
+const MOVING_POINT: f64 = 1.5;
 
 /// Geometry of the scene.
 pub(super) struct Place {
@@ -56,7 +60,10 @@ pub(super) fn build(
 ) -> Result<Scene, Fault> {
     let most = (memory_bytes / BYTES_A_POINT) as f64;
     let mut scene = Scene::default();
-    let left = |scene: &Scene| (most - scene.points.len() as f64).min(MAX_POINTS);
+    let left = |scene: &Scene| {
+        let moving = MOVING_POINT * scene.moving_points.len() as f64;
+        (most - scene.points.len() as f64 - moving).min(MAX_POINTS)
+    };
     for point in &keys.point {
         scene.points.push(Scatterer {
             position_m: point.position_m,
@@ -77,8 +84,24 @@ pub(super) fn build(
         });
     }
     for (clutter, index) in keys.clutter.iter().zip(0..) {
-        let points = clutter.build()?.points_within(seed, index, left(&scene));
-        scene.points.extend(made(&clutter.sigma0_db, points)?);
+        let motion = InternalMotion {
+            velocity_spread_m_s: *clutter.velocity_spread_m_s,
+            epoch_s: platform::middle_s(radar),
+        };
+        let moves = motion.velocity_spread_m_s > 0.0;
+        let most = match moves {
+            true => (left(&scene) / MOVING_POINT).floor(),
+            false => left(&scene),
+        };
+        let points = clutter.build()?.points_within(seed, index, most);
+        let points = made(&clutter.sigma0_db, points)?;
+        if moves {
+            let moving = motion.of(&points, seed, index);
+            let moving = made(&clutter.velocity_spread_m_s, moving)?;
+            scene.moving_points.extend(moving);
+        } else {
+            scene.points.extend(points);
+        }
     }
     for (keys, index) in keys.picture.iter().zip(0..) {
         let picture = made(&keys.file, Picture::read(&folder.join(&*keys.file)))?;

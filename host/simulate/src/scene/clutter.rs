@@ -9,8 +9,8 @@
 //! so that the mean cross section per square metre is `sigma0`. Its image has exponentially distributed power (fully
 //! developed speckle) at any density, since the amplitudes are Gaussian. With few points per resolution cell,
 //! neighbouring cells show the fluctuation of their number; ten per cell keep the fluctuation of power within 3 % of
-//! that of an exponential distribution. The points are static and isotropic, on a horizontal plane: `sigma0` does not
-//! depend on the grazing angle, and there is no wind.
+//! that of an exponential distribution. The points are isotropic, on a horizontal plane: `sigma0` does not depend on
+//! the grazing angle. They are static, or move with the wind ([`InternalMotion`](super::InternalMotion)).
 
 use std::f64::consts::TAU;
 

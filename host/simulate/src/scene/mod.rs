@@ -5,11 +5,13 @@
 //! over pulses (weighted by the slow-time window) of antenna gain, spreading and visibility ([`super::engine`]); the
 //! mean is 1 for isotropic antennas without spreading loss.
 //!
-//! [`Clutter`], [`Picture`] and [`Building`] represent extended objects by points.
+//! [`Clutter`], [`Picture`] and [`Building`] represent extended objects by points. [`InternalMotion`] gives the points of
+//! clutter velocities.
 
 mod building;
 mod clutter;
 mod corner;
+mod internal_motion;
 mod picture;
 pub mod shadow;
 
@@ -21,6 +23,8 @@ use num_complex::Complex64;
 pub use building::Building;
 pub(crate) use clutter::MAX_POINTS;
 pub use clutter::{Area, Clutter, Density};
+pub use internal_motion::InternalMotion;
+pub(crate) use internal_motion::MAX_SPREAD_M_S;
 pub use picture::{Picture, Placement};
 
 use super::Scatterer;
@@ -36,6 +40,8 @@ pub struct SceneError(pub String);
 pub struct Scene {
     /// Static isotropic points: point targets, clutter, pixels of a picture, walls.
     pub points: Vec<Scatterer>,
+    /// Isotropic points of constant velocity: clutter with internal motion.
+    pub moving_points: Vec<MovingPoint>,
     /// Triangular trihedral corner reflectors.
     pub corners: Vec<Corner>,
     /// Moving isotropic point targets.
@@ -56,6 +62,22 @@ pub struct Corner {
     pub boresight: DVec3,
     /// Length of an inner edge, metres.
     pub edge_m: f64,
+}
+
+/// Isotropic point of constant velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingPoint {
+    /// Position at time 0, and amplitude.
+    pub start: Scatterer,
+    /// Velocity, metres per second.
+    pub velocity_m_s: DVec3,
+}
+
+impl MovingPoint {
+    /// Position at a time, metres.
+    pub fn position_m(&self, time_s: f64) -> DVec3 {
+        self.start.position_m + self.velocity_m_s * time_s
+    }
 }
 
 /// Isotropic point target that moves along a track.

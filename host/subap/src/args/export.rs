@@ -5,21 +5,24 @@ use std::path::{Path, PathBuf};
 use clap::{Args as Group, ValueEnum, ValueHint};
 use serde::{Deserialize, Deserializer};
 use subaperture::geometry::Geodetic;
+use subaperture::sicd::SicdVersion;
 use subaperture::units::Dimension;
 
 use super::maps::Mapping;
 use super::settings::parsed_by;
-use super::values::{above_zero, geodetic, output};
+use super::values::{above_zero, geodetic, one_of, output};
 
 /// Formats of exported images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ImageFormat {
-    /// SICD 1.3 in NITF 2.1: complex, with metadata for measurement and projection
+    /// SICD 1.3 (bistatic: 1.4) in NITF 2.1: complex, with metadata for measurement and projection
     Sicd,
     /// SIDD 3.0 in NITF 2.1: greys on the image plane
     Sidd,
-    /// Cloud-optimised GeoTIFF with a STAC item
+    /// Cloud-optimised GeoTIFF with a STAC item; tif is the same
+    #[value(aliases = ["tif", "tiff", "geotiff"])]
+    #[serde(alias = "tif", alias = "tiff", alias = "geotiff")]
     Cog,
     /// Ground overlays for Google Earth
     Kmz,
@@ -121,6 +124,10 @@ pub(crate) struct Export {
     /// Speed of the radar for SICD and SIDD of a recording without times, m/s or with a unit [default: 100m/s]
     #[arg(long, value_name = "SPEED", value_parser = above_zero(Dimension::Speed))]
     pub(crate) speed: Option<f64>,
+
+    /// Version of SICD [default: the lowest that describes the image: 1.3, or 1.4 for a bistatic one]
+    #[arg(long, value_name = "VERSION", value_parser = one_of::<SicdVersion>(&["1.3", "1.4", "1.5"]))]
+    pub(crate) sicd_version: Option<SicdVersion>,
 
     #[command(flatten)]
     pub(crate) maps: Mapping,

@@ -32,7 +32,7 @@ pub(crate) struct Focus {
 
     /// Form the image from the maps of an embedded module instead of a recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "files", "channel", "channels", "set", "velocity", "motion", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
+        "files", "channel", "channels", "set", "velocity", "motion", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "doppler_band", "doppler_centroid", "scratch", "check", "portable",
         "model", "device"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -61,6 +61,14 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
     pub(crate) phase: Option<PathBuf>,
+
+    /// Detect moving targets as subap gmti does with its defaults, and write them to this file: each channel (all, or those of --channels) is focused
+    /// once, and the image is the mean of the registered channels. Needs a recording of two or more channels along the track
+    #[arg(long, value_name = "GEOJSON", value_hint = ValueHint::FilePath, value_parser = output(), conflicts_with_all = [
+        "from_maps", "channel", "velocity", "motion", "surface", "geoid", "troposphere", "track", "navigation", "phase", "allow_error", "beam", "squint", "doppler_band", "doppler_centroid", "scratch", "check",
+        "tiled", "resume", "plan", "tiles", "dry_run"
+    ])]
+    pub(crate) gmti: Option<PathBuf>,
 
     /// Form N pixels, chosen by a fixed seed, by the exact sum too, and report the error of the image
     #[arg(long, value_name = "N", value_parser = positive)]
@@ -186,6 +194,16 @@ pub(crate) struct Forming {
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle), requires = "beam")]
     #[serde(deserialize_with = "angle_of_job")]
     pub(crate) squint: Option<f64>,
+
+    /// Processed Doppler bandwidth, hertz, in place of the whole beam. Azimuth ambiguities are suppressed where it is less than the pulse repetition
+    /// frequency
+    #[arg(long, value_name = "HZ", value_parser = above_zero(Dimension::Frequency), conflicts_with = "beam")]
+    pub(crate) doppler_band: Option<f64>,
+
+    /// Doppler centroid of the processed band, hertz; negative is backward [default: the middle of the beam stated by the recording; else estimated
+    /// from the azimuth Doppler spectrum]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = any(Dimension::Frequency), requires = "doppler_band")]
+    pub(crate) doppler_centroid: Option<f64>,
 
     /// Use Fourier transforms with the same bits on every machine; they take two to four times as long
     #[arg(long)]

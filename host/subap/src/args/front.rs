@@ -4,6 +4,7 @@ use clap::builder::styling::{AnsiColor, Effects, Styles};
 use clap::{Command, CommandFactory, FromArgMatches};
 
 use super::Args;
+use crate::arguments::arguments;
 
 /// Commands by group, in the order of the help. Every command belongs to exactly one group.
 const GROUPS: [(&str, &[&str]); 8] = [
@@ -14,6 +15,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "info",
             "recording",
             "compare",
+            "pair",
             "quality",
             "view",
             "crosscheck",
@@ -28,7 +30,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Examples of each command, one a line.
-const EXAMPLES: [(&str, &str); 35] = [
+const EXAMPLES: [(&str, &str); 36] = [
     (
         "focus",
         "subap focus scene.cphd --out image\n\
@@ -47,6 +49,10 @@ const EXAMPLES: [(&str, &str); 35] = [
     ("info", "subap info scene.cphd"),
     ("recording", "subap recording --keys"),
     ("compare", "subap compare image exact --error-db -60"),
+    (
+        "pair",
+        "subap pair later earlier --out change\nsubap pair later earlier --looks 9x5 --pfa 1e-4 --format cog,zarr --out change",
+    ),
     ("quality", "subap quality image --at 0,0"),
     ("view", "subap view image"),
     ("crosscheck", "subap crosscheck scene.cphd"),
@@ -189,10 +195,10 @@ const SHORT: [(&str, &[&str]); 15] = [
             "range",
             "velocity",
             "prf",
-            "aperture",
             "scene",
             "power",
             "pulse_length",
+            "chain",
             "plots",
         ],
     ),
@@ -266,7 +272,7 @@ pub(crate) fn command() -> Command {
 /// # Errors
 /// Help, version, or wrong usage.
 pub(crate) fn parse() -> Result<Args, clap::Error> {
-    let matches = command().try_get_matches()?;
+    let matches = command().try_get_matches_from(arguments())?;
     Args::from_arg_matches(&matches).map_err(|error| error.format(&mut command()))
 }
 
@@ -367,7 +373,9 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::args::{GeoidSource, TrackSource};
+    use subaperture::terrain::Geoid;
+
+    use crate::args::TrackSource;
     use clap::{Arg, Parser, ValueHint};
 
     /// Full names of all commands below `command`, groups included.
@@ -396,7 +404,7 @@ mod tests {
         let paths = [
             TypeId::of::<PathBuf>(),
             TypeId::of::<TrackSource>(),
-            TypeId::of::<GeoidSource>(),
+            TypeId::of::<Geoid>(),
         ];
         let command = Args::command();
         let mut count = 0;
@@ -412,7 +420,7 @@ mod tests {
             let value = arg.get_value_names().map_or("", |names| names[0].as_str());
             match value {
                 "DIR" => assert_eq!(hint, ValueHint::DirPath, "{name}"),
-                "IMAGE" | "OTHER" | "A" | "B" | "PATH" => {
+                "IMAGE" | "REFERENCE" | "OTHER" | "A" | "B" | "PATH" => {
                     assert_eq!(hint, ValueHint::AnyPath, "{name}")
                 }
                 _ => assert_eq!(hint, ValueHint::FilePath, "{name}"),

@@ -9,8 +9,13 @@ use subaperture::gmti::stanag4607;
 use subaperture::units::Dimension;
 
 use super::focus::numerics;
-use super::values::{above_zero, error_bound, output, positive, probability, several_channels};
+use super::values::{
+    above_zero, error_bound, from_zero, output, positive, probability, several_channels,
+};
 use super::{SeveralChannels, Windows, Writing};
+
+/// Default radar cross-section of the target whose minimum detectable velocity is stated, m^2.
+pub(crate) const CROSS_SECTION_M2: f64 = 10.0;
 
 /// Options of `subap gmti`.
 #[derive(Debug, Group)]
@@ -18,12 +23,16 @@ use super::{SeveralChannels, Windows, Writing};
     subap gmti flight.cphd -o targets.geojson\n  \
     subap focus flight.cphd --out image\n  \
     subap view image --layer targets.geojson\n\n\
+    The same with one pass over the recording, and less noise in the image:\n  \
+    subap focus flight.cphd --gmti targets.geojson --out image\n\n\
     Focus a target under its own motion:\n  \
     subap focus flight.cphd --velocity 0,1.2 --out target\n\n\
+    Compare the methods of detection in a simulated scenario:\n  \
+    subap gmti --evaluate scenario.toml -o performance.html\n\n\
     Receivers must be apart along the track. A target appears in the image displaced along the track by range times radial\n\
     velocity over radar speed; its marked position is corrected by the velocity measured between the channels.")]
 pub(crate) struct Gmti {
-    /// Recording with pulse times and two or more channels along the track: CPHD 1.x, or a description of raw samples (.toml)
+    /// Recording with pulse times and two or more channels along the track: CPHD 1.x, or a description of raw samples (.toml). With --evaluate a scenario of subap simulate
     #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) input: PathBuf,
 
@@ -31,9 +40,18 @@ pub(crate) struct Gmti {
     #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
     pub(crate) set: Vec<(String, String)>,
 
-    /// File for the targets: position, radial velocity, SNR and their errors, for subap view --layer
-    #[arg(long, short, value_name = "GEOJSON", value_hint = ValueHint::FilePath, value_parser = output())]
+    /// File for the targets: position, radial velocity, SNR and their errors, for subap view --layer. With --evaluate the page, HTML
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
+
+    /// Simulate recordings of a scenario with random targets in place of its movers, and compare the methods of detection: probability of detection and of false alarm, minimum detectable
+    /// velocity, against theory
+    #[arg(long, conflicts_with_all = ["picture", "refocus", "stanag", "channels", "dwell"])]
+    pub(crate) evaluate: bool,
+
+    /// Number of simulated targets
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = positive, requires = "evaluate")]
+    pub(crate) trials: usize,
 
     /// File for a picture of the image with numbered targets [default: that of the targets, ending in .png]
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
@@ -90,12 +108,16 @@ pub(crate) struct Gmti {
     #[arg(long, value_name = "M/S", default_value_t = 30.0, value_parser = above_zero(Dimension::Speed), requires = "sub_cpis")]
     pub(crate) max_speed: f64,
 
+    /// Largest acceleration of a target along the line of sight, m/s^2
+    #[arg(long, value_name = "M/S^2", default_value_t = 0.0, value_parser = from_zero(Dimension::Acceleration), requires = "sub_cpis")]
+    pub(crate) max_acceleration: f64,
+
     /// Probability of a false alarm per resolution cell
     #[arg(long, value_name = "P", default_value_t = 1e-6, value_parser = probability)]
     pub(crate) false_alarms: f64,
 
-    /// Radar cross-section, m^2, of the target whose minimum detectable velocity is stated
-    #[arg(long, value_name = "M2", default_value_t = 10.0, value_parser = above_zero(Dimension::CrossSection))]
+    /// Radar cross-section, m^2, of the target whose minimum detectable velocity is stated, and mean of the simulated ones
+    #[arg(long, value_name = "M2", default_value_t = CROSS_SECTION_M2, value_parser = above_zero(Dimension::CrossSection))]
     pub(crate) cross_section: f64,
 
     /// Cells on each side of a tested cell that are not used to estimate the clutter

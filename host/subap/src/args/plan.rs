@@ -113,7 +113,10 @@ pub(crate) struct PlanModule {
 #[command(
     override_usage = "subap plan radar [OPTIONS] <INPUT>...\n       subap plan radar [OPTIONS] <OPTIONS OF A PASS>",
     mut_arg("files", |files| files.required(false).conflicts_with_all(PASS)),
-    group(ArgGroup::new("radar").required(true).multiple(true).args(["files", "beamwidth"]).args(PASS)),
+    group(ArgGroup::new("radar").required(true).multiple(true).args(["files", "beamwidth", "chain", "keys", "example"]).args(PASS)),
+    after_help = "Signal chain:\n  \
+    subap plan radar --example > chain.toml\n  \
+    subap plan radar --chain chain.toml --carrier 1.2GHz --bandwidth 200MHz --frequencies 50 --range 16 --scene 20 --velocity 0.1",
 )]
 pub(crate) struct PlanRadar {
     #[command(flatten)]
@@ -150,6 +153,20 @@ pub(crate) struct PlanRadar {
     /// Noise temperature of the antenna, kelvin
     #[arg(long, value_name = "KELVIN", allow_hyphen_values = true, value_parser = from_zero(Dimension::Temperature), default_value_t = 290.0)]
     pub(crate) temperature: f64,
+
+    /// Signal chain in TOML, in place of power, pulse length, gain, losses, noise figure and temperature: levels, noise figure and margin
+    /// to compression of every stage, dynamic range, SNR, and the speed limits of stepped carriers; see --keys and --example
+    #[arg(long, value_name = "CHAIN", value_hint = ValueHint::FilePath,
+        conflicts_with_all = ["power", "pulse_length", "gain", "losses", "noise_figure", "temperature"])]
+    pub(crate) chain: Option<PathBuf>,
+
+    /// Print every key of a signal chain with its unit, default and meaning
+    #[arg(long, conflicts_with_all = ["files", "chain", "example"])]
+    pub(crate) keys: bool,
+
+    /// Print an example signal chain
+    #[arg(long, conflicts_with_all = ["files", "chain"])]
+    pub(crate) example: bool,
 
     /// Pixels, as for focus [default: the scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]

@@ -21,6 +21,7 @@ use super::{Rehearsal, Writing};
     subap capture --example thesis > thesis.toml\n  \
     subap capture thesis.toml -o walk\n  \
     subap profile walk.sigmf-meta --out profiles\n\n\
+    With a vector network analyser, see subap capture --example vna.\n\n\
     Ctrl-C ends a capture; the recording up to then is complete (exit status 130, or 0 if plan.sweeps = 0). If the radio\n\
     fails or the disk is full, the recording is complete too, and the exit status is 1.")]
 pub(crate) struct Capture {
@@ -29,8 +30,8 @@ pub(crate) struct Capture {
         required_unless_present_any = ["keys", "example"])]
     pub(crate) experiment: Option<PathBuf>,
 
-    /// Name of the recording, to which .sigmf-data and .sigmf-meta are added; existing files are not replaced [default: files.recording
-    /// of the experiment]
+    /// Name of the recording, to which .sigmf-data and .sigmf-meta are added; existing files are not replaced. With a network analyser, its
+    /// folder, where an interrupted capture continues [default: files.recording of the experiment]
     #[arg(long, short, value_name = "NAME", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: Option<PathBuf>,
 

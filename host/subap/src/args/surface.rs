@@ -1,18 +1,15 @@
 //! The grid of an image and the surface on which it lies.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args as Group, ValueHint};
 use serde::{Deserialize, Deserializer};
 use subaperture::geometry::{ImageGrid, Troposphere};
-use subaperture::terrain::Geoid;
-use subaperture::units::Dimension;
+use subaperture::terrain::{Geoid, PixelSurface};
 
 use super::settings::{optional, parsed, parsed_by};
-use super::values::any;
 
 /// Pixels of an image and the surface on which they lie.
 #[derive(Clone, Debug, Default, Group, Deserialize)]
@@ -29,13 +26,13 @@ pub(crate) struct GridSettings {
     /// or a folder of them. Pixels of hae and dem are moved vertically from the grid onto the surface
     #[arg(long, value_name = "plane|slant|hae[:M]|dem:FILE", default_value_t, value_parser = surface_kind(), allow_hyphen_values = true)]
     #[serde(deserialize_with = "parsed")]
-    pub(crate) surface: SurfaceKind,
+    pub(crate) surface: PixelSurface,
 
     /// Geoid undulation, which is added to the heights of an elevation model: metres, or a file in a format of elevation models [default: 0,
     /// heights are above the ellipsoid]
     #[arg(long, value_name = "M|FILE", value_hint = ValueHint::FilePath, value_parser = geoid(), allow_hyphen_values = true)]
     #[serde(deserialize_with = "geoid_of_job")]
-    pub(crate) geoid: Option<GeoidSource>,
+    pub(crate) geoid: Option<Geoid>,
 
     /// Tropospheric delay to be removed, relative to the recording's reference point: none, or an exponential profile with a refractivity of N
     /// parts per million at sea level (313 if omitted)
@@ -53,7 +50,7 @@ impl fmt::Display for Air {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             None => f.write_str("none"),
-            Some(air) => write!(f, "exponential:{}", air.refractivity),
+            Some(air) => air.fmt(f),
         }
     }
 }
@@ -62,142 +59,24 @@ impl FromStr for Air {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let refractivity = match text.split_once(':') {
-            None if text == "none" => return Ok(Self(None)),
-            None if text == "exponential" => Some(Troposphere::MEAN_REFRACTIVITY),
-            Some(("exponential", number)) => number.parse().ok(),
-            _ => None,
-        };
-        match refractivity.filter(|n| (0.0..=1000.0).contains(n)) {
-            Some(refractivity) => Ok(Self(Some(Troposphere { refractivity }))),
-            None => Err("give none, exponential, or exponential:N with 0 to 1000 parts in a million at sea level (as exponential:313)".to_owned()),
+        match text {
+            "none" => Ok(Self(None)),
+            text => text.parse().map(|air| Self(Some(air))),
         }
     }
 }
 
-/// Surface of the pixels.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) enum SurfaceKind {
-    #[default]
-    Plane,
-    Slant,
-    /// Height above the ellipsoid, metres, if one is given.
-    Ellipsoid(Option<f64>),
-    Dem(PathBuf),
-}
-
-impl SurfaceKind {
-    /// The file or folder, if it is of one.
-    pub(crate) fn file(&self) -> Option<&Path> {
-        match self {
-            Self::Dem(path) => Some(path),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for SurfaceKind {
-    /// Text of the option.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Plane => f.write_str("plane"),
-            Self::Slant => f.write_str("slant"),
-            Self::Ellipsoid(None) => f.write_str("hae"),
-            Self::Ellipsoid(Some(height_m)) => write!(f, "hae:{height_m}"),
-            Self::Dem(path) => write!(f, "dem:{}", path.display()),
-        }
-    }
-}
-
-/// Source of geoid undulations.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum GeoidSource {
-    Metres(f64),
-    File(PathBuf),
-}
-
-impl GeoidSource {
-    pub(crate) fn file(&self) -> Option<&Path> {
-        match self {
-            Self::Metres(_) => None,
-            Self::File(path) => Some(path),
-        }
-    }
-
-    /// As the library has it.
-    pub(crate) fn geoid(&self) -> Geoid {
-        match self {
-            Self::Metres(metres) => Geoid::Undulation(*metres),
-            Self::File(path) => Geoid::File(path.clone()),
-        }
-    }
-}
-
-impl fmt::Display for GeoidSource {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Metres(metres) => write!(f, "{metres}"),
-            Self::File(path) => path.display().fmt(f),
-        }
-    }
-}
-
-/// A height or undulation, metres, that the Earth may have.
-fn height(text: &str) -> Result<f64, String> {
-    let height_m = any(Dimension::Length)(text)?;
-    match height_m.abs() <= 1e5 {
-        true => Ok(height_m),
-        false => Err(format!(
-            "{height_m} m is beyond the Earth's surface: heights of at most 100 km are possible"
-        )),
-    }
-}
-
-/// Expected texts of a surface.
-const SURFACES: &str = "give plane, slant, hae, hae:HEIGHT (as hae:43m) or dem:FILE";
-
-impl FromStr for SurfaceKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':') {
-            None => match text {
-                "plane" => Ok(Self::Plane),
-                "slant" => Ok(Self::Slant),
-                "hae" => Ok(Self::Ellipsoid(None)),
-                _ => Err(SURFACES.to_owned()),
-            },
-            Some(("hae", text)) => height(text).map(|h| Self::Ellipsoid(Some(h))),
-            Some(("dem", path)) if !path.is_empty() => Ok(Self::Dem(path.into())),
-            Some(_) => Err(SURFACES.to_owned()),
-        }
-    }
-}
-
-fn surface_kind() -> impl TypedValueParser<Value = SurfaceKind> {
+fn surface_kind() -> impl TypedValueParser<Value = PixelSurface> {
     PathBufValueParser::new().try_map(|path| match path.to_str() {
         Some(text) => text.parse(),
-        None => Err(format!("{SURFACES}, of a name in UTF-8")),
+        None => Err("give dem:FILE with a name in UTF-8".to_owned()),
     })
 }
 
-fn geoid() -> impl TypedValueParser<Value = GeoidSource> {
-    PathBufValueParser::new().try_map(geoid_source)
+fn geoid() -> impl TypedValueParser<Value = Geoid> {
+    PathBufValueParser::new().try_map(Geoid::parse)
 }
 
-/// A text that begins as a number is one, unless there is a file of this name.
-fn geoid_source(path: PathBuf) -> Result<GeoidSource, String> {
-    match path.to_str() {
-        Some(text)
-            if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
-                && !path.exists() =>
-        {
-            height(text).map(GeoidSource::Metres)
-        }
-        _ => Ok(GeoidSource::File(path)),
-    }
-}
-
-fn geoid_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<GeoidSource>, D::Error> {
-    parsed_by(from, |text| geoid_source(text.into())).map(Some)
+fn geoid_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Geoid>, D::Error> {
+    parsed_by(from, |text| Geoid::parse(text.into())).map(Some)
 }

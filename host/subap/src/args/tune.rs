@@ -42,7 +42,7 @@ pub(crate) struct Tune {
     #[arg(value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) recording: PathBuf,
 
-    /// Key and its range of values, stop included. Give it one to three times
+    /// Key, or component of a vector such as platform.velocity[0], and its range of values, stop included. Give it one to three times
     #[arg(long, required = true, value_name = "KEY=START:STOP:STEP[UNIT]",
         allow_hyphen_values = true, value_parser = vary)]
     pub(crate) vary: Vec<Vary>,

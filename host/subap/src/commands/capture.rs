@@ -1,5 +1,6 @@
-//! `subap capture`: record an experiment with a radio.
+//! `subap capture`: record an experiment with a radio or a network analyser.
 
+use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -10,15 +11,18 @@ use serde_json::{Value, json};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::monitor::Monitor;
+use subaperture::planner::stepped::{SteppedSweep, SweepPlan};
 use subaperture::radio::capture::{CaptureError, EndReason, LiveStep, Summary, capture};
-use subaperture::radio::experiment::{self, Device, Experiment};
-use subaperture::radio::plan::Plan;
+use subaperture::radio::experiment::{self, AnyExperiment, Device};
+use subaperture::radio::plan::{Order, Plan};
 use subaperture::radio::sigmf::SigmfError;
-use subaperture::radio::{Ranges, Transceiver};
+use subaperture::radio::{Ranges, Transceiver, vna};
 use subaperture::signal::window::Window;
 
+use super::analyser;
 use super::link::line::Line;
 use super::link::profiles::Profiling;
+use super::plan::speed;
 use crate::args::Capture;
 use crate::config::Session;
 use crate::failure::{InterruptedWithSteps, Usage};
@@ -31,7 +35,7 @@ const WAITING: usize = 64;
 /// Capture, or print information about experiments.
 pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     if typed.keys {
-        text::say(experiment::reference())?;
+        text::say(format!("{}\n{}", experiment::reference(), vna::reference()))?;
     }
     if let Some(name) = &typed.example {
         text::say(experiment::examples::text(name).context("--example: no such name")?)?;
@@ -39,7 +43,12 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     let Some(path) = &typed.experiment else {
         return Ok(());
     };
-    let mut experiment = Experiment::read_within(path, &typed.set, session.memory_bytes)?;
+    let mut experiment = match AnyExperiment::read_within(path, &typed.set, session.memory_bytes)? {
+        AnyExperiment::Radio(experiment) => *experiment,
+        AnyExperiment::Analyser(experiment) => {
+            return analyser::run(session, typed, &experiment);
+        }
+    };
     if let Some(recording) = &typed.replay {
         experiment.device = Device::Replay(recording.clone());
     }
@@ -191,6 +200,15 @@ fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
     let rate = plan.bytes_a_second(&ranges);
     let sweeps = (plan.sweeps > 0).then_some(plan.sweeps as f64);
     let free = free_bytes(out);
+    let last_hz = plan.carrier_hz(plan.steps - 1);
+    let sweep = SteppedSweep {
+        centre_hz: (plan.start_hz + last_hz) / 2.0,
+        highest_hz: last_hz,
+        carriers: plan.carriers_taken(),
+        sweep_s: plan.sweep_s(&ranges),
+        interval_s: sweep_s,
+    };
+    let speed = SweepPlan::new(sweep, PI, None);
     if session.json() {
         return text::say_json(
             "forecast",
@@ -201,6 +219,7 @@ fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
                 "sweep_s": sweep_s,
                 "time_s": sweeps.map(|sweeps| sweeps * sweep_s),
                 "bytes_a_second": rate,
+                "speed": speed,
                 "disk": [{
                     "path": out.display().to_string(),
                     "bytes": sweeps.map(|sweeps| sweeps * sweep_s * rate),
@@ -217,6 +236,9 @@ fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
         ("sweep", format!("at least {}", text::seconds(sweep_s))),
         ("disk", format!("at most {} per second", sized(rate))),
     ];
+    // The first of them is the sweep above.
+    let displaces = plan.order != Order::Shuffled;
+    facts.extend(speed::facts(&speed, displaces).into_iter().skip(1));
     if let Some(sweeps) = sweeps {
         let all = format!(
             "{sweeps} sweeps: at least {} of capture time, {} of disk space",
@@ -408,7 +430,12 @@ pub(super) fn end(plan: &Plan, summary: Summary, out: &Path) -> anyhow::Result<(
         EndReason::Done => Ok(()),
         // The normal end of an endless capture.
         EndReason::Stopped if plan.sweeps == 0 => Ok(()),
-        EndReason::Stopped => Err(InterruptedWithSteps { steps, path }.into()),
+        EndReason::Stopped => Err(InterruptedWithSteps {
+            steps,
+            unit: "steps",
+            path,
+        }
+        .into()),
         EndReason::Radio(error) => Err(anyhow!("{error}; {left}")),
         EndReason::Disk(error) if is_full(&error) => Err(anyhow!(
             "{error}; {left}: free disk space and capture again"

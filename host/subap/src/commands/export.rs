@@ -23,6 +23,7 @@ use maps::MapFormat;
 use one::One;
 
 pub(crate) use one::Written;
+pub(super) use zarr::attributes as stack_attributes;
 
 /// Read an image and write it in the requested format.
 pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
@@ -44,6 +45,10 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
         );
         return Err(Usage(fault).into());
     }
+    if typed.sicd_version.is_some() && format != ImageFormat::Sicd {
+        let fault = "--sicd-version applies to --format sicd: leave it out";
+        return Err(Usage(fault.to_owned()).into());
+    }
     let folder = stored::product_folder(image).unwrap_or(image);
     // The kind of the image decides which formats are possible; checked before outputs are claimed.
     check_format(typed, &stored::open_unread(session, image)?, format)?;
@@ -55,6 +60,7 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
         out: &typed.out,
         place: typed.place,
         speed_m_s: typed.speed,
+        sicd_version: typed.sicd_version,
         maps: typed.maps,
         writing: typed.writing,
     };
@@ -221,6 +227,7 @@ impl Products<'_> {
             out: &self.folder.join(format.file_name()),
             place: self.place,
             speed_m_s: None,
+            sicd_version: None,
             maps: Mapping::default(),
             writing: self.writing,
         })

@@ -2,12 +2,13 @@
 
 pub(crate) mod beam;
 mod check;
-mod corrected;
+mod coarse;
 mod deliver;
 mod device;
 mod from_maps;
 mod job;
 mod missed;
+mod moving_targets;
 mod on_track;
 mod record;
 mod sinks;
@@ -18,6 +19,7 @@ use std::thread;
 use std::time::Instant;
 
 use serde_json::Value;
+use subaperture::corrections::CorrectedRecording;
 use subaperture::focus::accuracy::comparison_cost;
 use subaperture::focus::{Formed, ImageFormer, Numerics, Plan, Task};
 use subaperture::geometry::ImageGrid;
@@ -25,18 +27,16 @@ use subaperture::io::atomic::WriteError;
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::PhaseHistory;
 
 use crate::ahead::Ahead;
 use crate::args::{Focus, TrackSource};
-use crate::commands::air::Recorded;
 use crate::commands::forming::{self, Surveying};
 use crate::commands::surface;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{stages, text};
 pub(crate) use deliver::auxiliary_file;
-use job::{Job, moving, products, with_history};
+use job::{Job, opened, products};
 
 /// Form the image and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -46,6 +46,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     surface::check(&typed.image)?;
     if let Some(path) = &typed.from_maps {
         return from_maps::run(session, typed, path);
+    }
+    if let Some(path) = &typed.gmti {
+        return moving_targets::run(session, typed, path);
     }
     if typed.tiled.wanted() {
         return tiled::run(session, typed);
@@ -68,20 +71,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let products = products(typed);
     let _products = products.claim(session, &typed.input.files)?;
 
-    let (recorded, movers) = match &typed.track {
-        None => (session.open(&typed.input)?, Value::Null),
-        Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
-    };
-    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
-    let recorded = air.history();
-    products.check_place(&recorded.collection().frame)?;
-    let corrected = corrected::corrected(typed, recorded)?;
-    let recorded: &dyn PhaseHistory = match &corrected {
-        Some(corrected) => corrected,
-        None => recorded,
-    };
-    let survey = Surveying::of(recorded)?;
-    let moving = moving(typed, recorded)?;
+    let (recorded, movers) = opened(session, typed)?;
+    let survey = Surveying::of(recorded.at_rest())?;
+    products.check_place(&recorded.history().collection().frame)?;
     let job = Job {
         numerics: Numerics {
             device: device.as_deref(),
@@ -89,10 +81,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         },
         session,
         typed,
-        history: match &moving {
-            Some(moving) => moving,
-            None => recorded,
-        },
+        history: recorded.history(),
         survey: &survey,
         movers,
         start,
@@ -101,11 +90,19 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         // The survey is computed in a thread of its own while planning runs; without one, its first user computes it.
         let _ = thread::Builder::new().spawn_scoped(scope, || survey.get());
         let grid = job.grid()?;
-        air.report(session, &grid);
+        coarse::note(&job, &grid);
+        note_delay(session, &recorded, &grid);
         room(typed, &grid)?;
         let former = beam::former(session, &typed.image, job.history, &grid)?;
         form_and_deliver(&job, &*former, &grid)
     })
+}
+
+/// Report the tropospheric delay that was corrected and its residual over a grid.
+pub(crate) fn note_delay(session: &Session, recorded: &CorrectedRecording, grid: &ImageGrid) {
+    if let Some(delay) = recorded.delay(grid) {
+        session.note(1, || delay);
+    }
 }
 
 /// Form the image on `grid` and write it.
@@ -131,7 +128,7 @@ fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> an
         monitor: &Silent,
     };
     let plan = tiled::plan(session, &typed.image, former, &spec)?;
-    device::note_unused(job.numerics.device, &plan);
+    device::note_unused(job.numerics.device, &plan.former, &plan.summary);
     let whole = 8 * grid.num_pixels() <= session.memory_bytes / 2;
     if announce(job, former, (&plan, whole), &task)? {
         return Ok(());
@@ -152,32 +149,33 @@ fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> an
         (former.name(), former.beam()),
         about,
         deliver::Whole::Memory(&formed.image),
+        None,
     )
 }
 
 /// Measured error of the image in the output folder on `count` of its pixels, with the bound, as in `--check`.
 pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow::Result<Value> {
-    with_history(session, typed, |history, _| {
-        let stored = product::open(&typed.out)?;
-        let progress = session.progress("checking");
-        let former = beam::former(session, &typed.image, history, &stored.grid)?;
-        let collection = history.collection();
-        let task = Task {
-            history,
-            grid: &stored.grid,
-            weights: &tiled::weights(&typed.image, &*former, collection, &stored.grid)?,
-            numerics: typed.image.forming.numerics(None),
-            memory_bytes: session.memory_bytes,
-            monitor: &progress,
-        };
-        let bound_db = former.bound_db();
-        let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
-        let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
-        progress.finish();
-        let mut report = serde_json::to_value(check)?;
-        report["bound_db"] = bound_db.into();
-        Ok(report)
-    })
+    let (recorded, _) = opened(session, typed)?;
+    let history = recorded.history();
+    let stored = product::open(&typed.out)?;
+    let progress = session.progress("checking");
+    let former = beam::former(session, &typed.image, history, &stored.grid)?;
+    let collection = history.collection();
+    let task = Task {
+        history,
+        grid: &stored.grid,
+        weights: &tiled::weights(&typed.image, &*former, collection, &stored.grid)?,
+        numerics: typed.image.forming.numerics(None),
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
+    let bound_db = former.bound_db();
+    let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
+    let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
+    progress.finish();
+    let mut report = serde_json::to_value(check)?;
+    report["bound_db"] = bound_db.into();
+    Ok(report)
 }
 
 /// Check that an image of this size can be written.

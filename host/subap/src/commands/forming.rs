@@ -2,10 +2,11 @@
 //! and writing the image with its record.
 
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use anyhow::Context;
 use serde_json::Value;
+use subaperture::corrections::{CorrectedRecording, Corrections, CorrectionsError};
 use subaperture::focus::TimeModel;
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
@@ -102,6 +103,18 @@ pub(crate) fn grid_or(
     session.check_grid(&grid, 1)?;
     Product::prepare(out, grid.num_pixels())?;
     Ok(grid)
+}
+
+/// The recording without the tropospheric delay, if that is to be removed.
+pub(crate) fn without_delay<'a>(
+    typed: &Imaging,
+    recorded: impl PhaseHistory + 'a,
+) -> Result<CorrectedRecording<'a>, CorrectionsError> {
+    let corrections = Corrections {
+        troposphere: typed.grid.troposphere.0,
+        ..Corrections::default()
+    };
+    corrections.apply(Arc::new(recorded))
 }
 
 /// Read the timing model of `--model`, if given.

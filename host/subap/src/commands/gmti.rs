@@ -1,17 +1,18 @@
 //! `subap gmti`: moving targets of a recording of several channels.
 
+mod evaluate;
 mod found;
+mod methods;
 mod packet;
+mod performance;
 mod report;
 
 use std::time::Instant;
 
 use serde_json::json;
-use subaperture::focus::formers;
 use subaperture::geometry::ImageGrid;
-use subaperture::gmti::detection::Settings;
 use subaperture::gmti::tracker::Plane;
-use subaperture::gmti::{Imaging, MovingTargets, find, find_in_dwells, geojson, space_time};
+use subaperture::gmti::{Imaging, MovingTargets, find, find_in_dwells};
 use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
@@ -19,19 +20,21 @@ use subaperture::phase_history::{PhaseHistory, PulseRange};
 
 use super::{forming, track};
 use crate::args::Gmti;
-use crate::config::{Session, record_of_run};
-use crate::{interrupt, messages, text};
-use found::Found;
+use crate::config::Session;
+use crate::{interrupt, text};
 use packet::Packet;
 
-/// Former of the channels' images.
-const FORMER: &str = "auto";
+pub(crate) use found::Found;
+pub(crate) use report::say;
 
 /// Rows and columns of a refocused target.
 const REFOCUSED_PIXELS: usize = 32;
 
-/// Detect targets and write them with a picture, both complete or neither.
+/// Detect targets and write them with a picture, both complete or neither; or evaluate a scenario.
 pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
+    if typed.evaluate {
+        return evaluate::run(session, typed);
+    }
     let start = Instant::now();
     let picture = match &typed.picture {
         Some(path) => path.clone(),
@@ -52,7 +55,7 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         Some(_) => Some(Packet::new(typed, channels.channel(0))?),
         None => None,
     };
-    let former = formers::former(FORMER, &json!({ "error_db": typed.error_db }))?;
+    let former = methods::former(typed)?;
     let progress = session.progress("detecting");
     let imaging = Imaging {
         former: &*former,
@@ -62,25 +65,10 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         numerics: typed.numerics(),
         monitor: &progress,
     };
-    let settings = Settings {
-        false_alarm_probability: typed.false_alarms,
-        guard_cells: typed.guard,
-        training_cells: typed.training,
-        ..Settings::default()
-    };
-    let integration = typed.sub_cpis.map(|sub_cpis| space_time::Settings {
-        sub_cpis,
-        bins: typed.doppler_bins,
-        windows: imaging.windows,
-        max_speed_m_s: typed.max_speed,
-        false_alarm_probability: typed.false_alarms,
-        transforms: imaging.numerics.transforms,
-        memory_bytes: session.memory_bytes,
-        ..space_time::Settings::default()
-    });
+    let settings = methods::detection(typed);
+    let integration = typed.sub_cpis.map(|_| methods::sub_cpis(typed, &imaging));
     let integration = integration.as_ref();
-    let plane = Plane::of(&grid);
-    let mut found = Found::new(plane)?;
+    let mut found = Found::new(Plane::of(&grid))?;
     let mut visit = |dwell: MovingTargets| -> anyhow::Result<()> {
         if let Some(packet) = &mut packet {
             packet.add(&dwell, &grid, &collection.frame)?;
@@ -104,14 +92,8 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
     }
     progress.finish();
     let drawn = found.drawn(session, &grid, &channels)?;
-    let tracks = (found.tracker.tracks(), &plane);
-    let mut record = geojson::collection(&found.dwells, tracks, &collection.frame);
-    record["run"] = record_of_run(session, start.elapsed());
-    record["channels"] = json!(found.channels);
-    record["sensitivity"] = json!(found.sensitivity);
-    record["settings"] = json!(settings);
-    record["integration"] = json!(integration);
-    record["warnings"] = json!(messages::warnings());
+    let detection = (&settings, integration);
+    let mut record = found.record(session, &collection.frame, detection, start.elapsed());
     let mut files = FileSet::new();
     let bytes = serde_json::to_vec_pretty(&record)?;
     files.write_bytes(&typed.out, FileKind::MovingTargets, &bytes)?;
@@ -125,7 +107,7 @@ pub(crate) fn run(session: &Session, typed: &Gmti) -> anyhow::Result<()> {
         return text::say_json("moving-targets", record);
     }
     match session.prints_text() {
-        true => report::say(typed, &found),
+        true => say(&typed.out, &found),
         false => Ok(()),
     }
 }

@@ -3,8 +3,11 @@
 mod advice;
 mod captures;
 mod description;
+mod doppler;
 mod facts;
 mod images;
+mod l0b;
+mod scene;
 mod stored;
 mod texts;
 mod tracks;
@@ -17,7 +20,8 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::FileKind;
 use subaperture::io::cphd::CphdInfo;
-use subaperture::io::open::{Options, cphd_info, crsd_info, open_channels};
+use subaperture::io::l0b::L0bInfo;
+use subaperture::io::open::{Options, cphd_info, crsd_info, l0b_info, open_channels};
 use subaperture::phase_history::{PhaseHistory, ReadError, TrackError};
 use subaperture::resolution::survey::{DefaultGrid, Survey};
 
@@ -27,6 +31,7 @@ use crate::failure::Usage;
 use crate::messages;
 use crate::text::{self};
 use advice::Advice;
+use doppler::Doppler;
 
 /// Print the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
@@ -37,6 +42,9 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         return describe_files(session, &kinds);
     }
     let history = session.open(&typed.input)?;
+    if typed.at.is_none() {
+        scene::warn_without(session, &typed.input);
+    }
     let survey = match typed.at {
         None => Survey::of(history.collection()),
         Some(place_m) => Survey::at(history.collection(), place_m),
@@ -49,6 +57,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         ));
     }
     let advice = Advice::of(session, &history, &survey);
+    let doppler = Doppler::of(session, &history, &survey)?;
     let track_error = TrackError::of(&history);
     let left_bytes = session.memory_bytes.saturating_sub(history.held_bytes());
     let containers = containers(&typed.input.files, left_bytes)?;
@@ -67,8 +76,10 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
             }))),
             Err(why) => json!({ "none": why.to_string() }),
         };
+        value["doppler"] = doppler.to_json();
         value["sampled_antenna_patterns"] = json!(sampled);
         value["warnings"] = json!(history.warnings());
+        value["defects"] = serde_json::to_value(history.defects())?;
         value["channels"] = serde_json::to_value(history.channels())?;
         value["phase"] = serde_json::to_value(history.phase_conventions())?;
         value["containers"] = containers.iter().map(Container::to_json).collect();
@@ -124,6 +135,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
                 "beam"
             );
         }
+        report += &doppler.describe();
         for convention in history.phase_conventions() {
             let _ = writeln!(report, "{:<16} {convention}", "phase");
         }
@@ -163,8 +175,30 @@ fn describe_files(session: &Session, paths: &[(&PathBuf, FileKind)]) -> anyhow::
     Ok(())
 }
 
+/// File with metadata of its own.
+enum Container {
+    Cphd(Box<CphdContainer>),
+    L0b(PathBuf, Box<L0bInfo>),
+}
+
+impl Container {
+    fn describe(&self) -> String {
+        match self {
+            Self::Cphd(container) => container.describe(),
+            Self::L0b(path, info) => l0b::describe(path, info),
+        }
+    }
+
+    fn to_json(&self) -> Value {
+        match self {
+            Self::Cphd(container) => container.to_json(),
+            Self::L0b(path, info) => l0b::to_json(path, info),
+        }
+    }
+}
+
 /// CPHD file with its metadata.
-struct Container {
+struct CphdContainer {
     path: PathBuf,
     info: CphdInfo,
     /// Antenna positions of each channel at the middle pulse relative to the first channel, metres; or the reason why the channels
@@ -185,11 +219,13 @@ fn containers(paths: &[PathBuf], memory_bytes: u64) -> anyhow::Result<Vec<Contai
     let mut containers = Vec::new();
     for path in paths {
         if let Some(info) = cphd_info(path, memory_bytes)? {
-            containers.push(Container {
+            containers.push(Container::Cphd(Box::new(CphdContainer {
                 path: path.clone(),
                 offsets_m: (info.channels.len() > 1).then(|| offsets_m(path, memory_bytes)),
                 info,
-            });
+            })));
+        } else if let Some(info) = l0b_info(path, memory_bytes)? {
+            containers.push(Container::L0b(path.clone(), Box::new(info)));
         }
     }
     Ok(containers)
@@ -211,7 +247,7 @@ fn offsets_m(path: &Path, memory_bytes: u64) -> Result<Vec<DVec3>, ReadError> {
     Ok(all.map(|centre_m| centre_m - first_m).collect())
 }
 
-impl Container {
+impl CphdContainer {
     fn describe(&self) -> String {
         let info = &self.info;
         let mut text = format!(

@@ -1,6 +1,6 @@
 //! Implementations of the commands, one module each.
 
-mod air;
+mod analyser;
 mod autofocus;
 mod capture;
 mod compare;
@@ -16,6 +16,7 @@ mod link;
 mod live;
 mod man;
 mod navigation;
+mod pair;
 mod picture;
 mod plan;
 mod profile;
@@ -71,6 +72,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Run(typed) => run::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
+        Command::Pair(typed) => pair::run(session, &typed),
         Command::Quality(typed) => quality::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Reproduce(typed) => reproduce::run(session, &typed),

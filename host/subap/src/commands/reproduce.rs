@@ -16,7 +16,7 @@ use crate::{messages, text};
 
 /// Disk space and memory of an item, including its part of the page: the maximum of all items, rounded up.
 const ITEM_BYTES: u64 = 1 << 20;
-const ITEM_HELD_BYTES: u64 = 64 << 20;
+const ITEM_HELD_BYTES: u64 = 96 << 20;
 
 /// Reproduce the items and write the page.
 pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
@@ -30,7 +30,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
     }
     if typed.list {
         for item in &chosen {
-            text::say(format!("{:<14}{}: {}", item.id, item.source, item.title))?;
+            text::say(format!("{:<16}{}: {}", item.id, item.source, item.title))?;
         }
         return Ok(());
     }
@@ -64,7 +64,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
             } else {
                 "differs"
             };
-            messages::note(&format!("{:<14}{verdict}  {}", item.id, item.title));
+            messages::note(&format!("{:<16}{verdict}  {}", item.id, item.title));
         }
     });
     progress.finish();

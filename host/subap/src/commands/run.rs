@@ -23,7 +23,6 @@ mod chain;
 mod forecast;
 mod job;
 pub(crate) mod keys;
-mod page;
 mod report;
 mod sections;
 mod tables;

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use serde_json::{Value, json};
+use subaperture::focus::coverage;
 use subaperture::focus::moving::{VelocityPlane, default_velocities, velocity_resolution_m_s};
 use subaperture::focus::{Formed, ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
@@ -66,6 +67,9 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     }
     let formed = former.form(&task)?;
     progress.finish();
+    if let Some(warning) = coverage::warning(&formed.settings, &grid) {
+        messages::warning(warning);
+    }
 
     let brightest = brightest(&formed.image, &grid);
     let plane = Plane {

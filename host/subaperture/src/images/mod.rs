@@ -209,6 +209,19 @@ impl OpenImage {
         own == theirs && (frames.contains(&local) || frames[0].agrees_with(&frames[1]))
     }
 
+    /// Move the grid by a number of pixels along rows and columns, so that its pixels show the points `p + pixels` of the original grid. Returns whether the image has such a
+    /// grid: flat, and recorded.
+    pub fn move_grid(&mut self, pixels: [f64; 2]) -> bool {
+        match &mut self.lies {
+            PixelGeometry::Grid { grid, .. } if grid.relief.is_none() => {
+                grid.rows.start += pixels[0] * grid.rows.step;
+                grid.columns.start += pixels[1] * grid.columns.step;
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// Georeference the scene's origin, with x east and y north, replacing the recorded frame. Images without a scene frame are unchanged.
     #[must_use]
     pub fn placed(mut self, origin: &subaperture_model::geometry::Geodetic) -> Self {

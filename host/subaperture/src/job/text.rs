@@ -8,6 +8,7 @@ use subaperture_describe::error::Fault;
 use subaperture_describe::schema::Schema;
 use subaperture_describe::values::{self, Values};
 use subaperture_describe::{Description, DescriptionError};
+use subaperture_io::remote;
 
 /// Error of reading a job.
 #[derive(Debug, thiserror::Error)]
@@ -75,9 +76,12 @@ impl JobText {
         &self.values
     }
 
-    /// Resolve a path of the text relative to the text's folder.
+    /// Resolve a path of the text relative to the text's folder. A URL is left unchanged.
     pub fn path(&self, path: impl AsRef<Path>) -> PathBuf {
-        self.description.folder().join(path)
+        match remote::url(path.as_ref()) {
+            Some(_) => path.as_ref().to_owned(),
+            None => self.description.folder().join(path),
+        }
     }
 
     /// Error text of faults, with line numbers.

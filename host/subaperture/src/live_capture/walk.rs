@@ -61,10 +61,11 @@ pub struct EchoTrack {
 
 /// Maximum number of sweeps queued beyond the estimation lag. Sweeps without detected targets have no position until targets are detected.
 const MAX_BLIND: usize = 64;
-/// Number of fixes interpolated: a spline's dependence on a knot falls by a factor of a thousand for every five knots.
-const FIXES: usize = 48;
+/// Number of fixes kept before those of the queue: a spline's dependence on a knot falls by a factor of a thousand for every five knots.
+const FIXES_BEFORE: usize = 10;
 
-/// Track estimation with the queue of sweeps.
+/// Track estimation with the queue of sweeps. A sweep's fix is in its middle; half a sweep before the first and after the last one the body
+/// moves on at constant velocity.
 pub(super) struct Walk {
     live: Live,
     /// Antennas of the plan, and on the located body.
@@ -77,13 +78,16 @@ pub(super) struct Walk {
     waiting: VecDeque<Waiting>,
     pushed: usize,
     fixes: VecDeque<Fix>,
+    /// Times of the first and the last sample of the sweep of the last fix, seconds.
+    last_span_s: [f64; 2],
     length_m: f64,
 }
 
 struct Waiting {
     pulse: usize,
     time_s: f64,
-    ends_s: f64,
+    /// Times of the first and the last sample, seconds.
+    span_s: [f64; 2],
     of_receivers: Vec<Sweep>,
 }
 
@@ -115,6 +119,7 @@ impl Walk {
                 start_hz: echoes.band.start_hz,
                 step_hz: echoes.band.step_hz,
                 sweep: AtOnce::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         let first: Vec<Pulse> = receivers.iter().map(first).collect();
@@ -135,6 +140,7 @@ impl Walk {
             waiting: VecDeque::new(),
             pushed: 0,
             fixes: VecDeque::new(),
+            last_span_s: [0.0; 2],
             length_m: 0.0,
         })
     }
@@ -167,11 +173,15 @@ impl Walk {
             .map(|(&receiver, sweep)| standing.pulse(sweep, receiver, self.reach_m))
             .collect();
         let pulses = pulses?;
-        let ends_s = of_receivers.iter().flat_map(Sweep::moments);
+        let moments = of_receivers.iter().flat_map(Sweep::moments);
+        let span_s = moments.fold(
+            [f64::INFINITY, f64::NEG_INFINITY],
+            |[first_s, last_s], (_, at_s)| [first_s.min(at_s), last_s.max(at_s)],
+        );
         self.waiting.push_back(Waiting {
             pulse: self.pushed,
             time_s: pulses[0].0.time_s,
-            ends_s: ends_s.fold(f64::NEG_INFINITY, |last_s, (_, at_s)| last_s.max(at_s)),
+            span_s,
             of_receivers: of_receivers.to_vec(),
         });
         self.pushed += 1;
@@ -189,6 +199,10 @@ impl Walk {
         for located in self.live.finish() {
             self.learn(located.pulse, located.position_m, located.attitude);
         }
+        if let [.., before, last] = self.fixes.make_contiguous() {
+            let beyond = moved_on([before, last], self.last_span_s[1]);
+            self.fixes.extend(beyond);
+        }
     }
 
     fn learn(&mut self, pulse: usize, position_m: DVec3, attitude: glam::DQuat) {
@@ -205,8 +219,13 @@ impl Walk {
             attitude: Some(attitude),
         };
         self.length_m += last.map_or(0.0, |last| last.position_m.distance(fix.position_m));
+        if let (1, Some(first)) = (self.fixes.len(), last) {
+            let before = moved_on([&fix, first], self.last_span_s[0]);
+            self.fixes = before.into_iter().chain([*first]).collect();
+        }
+        self.last_span_s = own.span_s;
         self.fixes.push_back(fix);
-        if self.fixes.len() > FIXES {
+        if self.fixes.len() > self.live.lag() + FIXES_BEFORE {
             self.fixes.pop_front();
         }
     }
@@ -219,7 +238,7 @@ impl Walk {
             return Ok(None);
         };
         let until_s = self.fixes[until].time_s;
-        let count = self.waiting.partition_point(|own| own.ends_s <= until_s);
+        let count = self.waiting.partition_point(|own| own.span_s[1] <= until_s);
         if count == 0 {
             return Ok(None);
         }
@@ -240,4 +259,15 @@ impl Walk {
     pub(super) fn give_up(&mut self) -> u64 {
         self.waiting.drain(..).count() as u64
     }
+}
+
+/// Fix at a time beyond the `near` fix, at its attitude and the velocity from `far` to `near`; `None` at the time of `near`.
+fn moved_on([far, near]: [&Fix; 2], time_s: f64) -> Option<Fix> {
+    let velocity_m_s = (near.position_m - far.position_m) / (near.time_s - far.time_s);
+    let elapsed_s = time_s - near.time_s;
+    (elapsed_s * (near.time_s - far.time_s) > 0.0).then_some(Fix {
+        time_s,
+        position_m: near.position_m + velocity_m_s * elapsed_s,
+        attitude: near.attitude,
+    })
 }

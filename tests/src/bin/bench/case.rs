@@ -185,6 +185,7 @@ impl Case {
                 start_hz: self.start_hz,
                 step_hz: self.step_hz,
                 sweep: Sweep::AT_ONCE,
+                recorded_path_m: None,
             }
         };
         Collection {

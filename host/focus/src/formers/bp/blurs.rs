@@ -7,7 +7,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::Meaning;
+use super::GridPoints;
 use super::parts::{MAX_PARTS, PulseParts};
 use crate::ImageSpec;
 use crate::sweep::{self, places};
@@ -46,7 +46,7 @@ impl Blurs {
         spec: &ImageSpec,
         parts: &PulseParts,
         error_db: f64,
-        meaning: Meaning,
+        grid_points: GridPoints,
     ) -> (Self, [f64; 2]) {
         let collection = spec.collection;
         let error;
@@ -62,7 +62,7 @@ impl Blurs {
         let of_part = |pulse: &Pulse| {
             let reference = pulse.reference_terms();
             let turns = points.iter().map(|&point| {
-                let (at, velocity_m_s) = meaning.target(pulse, point);
+                let (at, velocity_m_s) = grid_points.target(pulse, point);
                 blurs.turns(pulse, &(pulse.path_terms(at, velocity_m_s) - reference))
             });
             turns.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
@@ -107,7 +107,7 @@ impl Blurs {
             &seen,
             spec.grid,
             |PulsePart(pulse, regression), point, after| {
-                let (at, velocity_m_s) = meaning.target(pulse, point);
+                let (at, velocity_m_s) = grid_points.target(pulse, point);
                 let moved_m = velocity_m_s * (after * pulse.sweep.sample_s);
                 let path_m =
                     pulse.path_after_m(at + moved_m, after) - pulse.reference_drift_m(after);

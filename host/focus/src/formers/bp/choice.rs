@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::{Choices, MAX_OVERSAMPLING, Meaning, PixelPaths, SUMMED_PULSES, cost, pulse_bytes};
+use super::{Choices, GridPoints, MAX_OVERSAMPLING, PixelPaths, SUMMED_PULSES, cost, pulse_bytes};
 use crate::patch::{PatchSize, Patches, Rectangle, spread};
 use crate::path_tile::{self, pulse_antennas, raster};
 use crate::{ImageSpec, MARGIN_DB, rounding};
@@ -78,8 +78,8 @@ pub(super) fn margin(spec: &ImageSpec, side: usize, length: usize) -> usize {
 }
 
 /// Interval that contains all paths to the grid, in turns of profiles; `None` if unknown.
-pub(super) fn swath(spec: &ImageSpec, meaning: Meaning) -> Option<Range<f64>> {
-    if !spec.grid.is_raster() || !matches!(meaning, Meaning::Places) {
+pub(super) fn swath(spec: &ImageSpec, grid_points: GridPoints) -> Option<Range<f64>> {
+    if !spec.grid.is_raster() || !matches!(grid_points, GridPoints::Positions) {
         return None;
     }
     let size = [spec.grid.rows.count, spec.grid.columns.count];

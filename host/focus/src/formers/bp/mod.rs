@@ -33,7 +33,6 @@ mod blurs;
 mod choice;
 mod choices;
 mod cost;
-mod meaning;
 mod on_device;
 mod parts;
 mod sweeping;
@@ -53,7 +52,8 @@ use crate::compared::SWATH;
 use crate::former_choices::misfit;
 use crate::patch::{PatchSize, Patches};
 use crate::{
-    Decision, ErrorGoal, FormError, Forming, ImageSpec, MARGIN_DB, Reason, Remedy, rounding,
+    Decision, ErrorGoal, FormError, Forming, GridPoints, ImageSpec, MARGIN_DB, Reason, Remedy,
+    rounding,
 };
 use subaperture_kernels::tile::{self, MAX_DEGREE, Pieces};
 use subaperture_model::monitor::Monitor;
@@ -63,7 +63,6 @@ pub(crate) use choices::Choices;
 use choices::{
     MAX_MARGIN, MAX_OVERSAMPLING, MAX_PARTS, PixelPaths, SUMMED_BLURRED, SUMMED_PULSES, pulse_bytes,
 };
-pub(crate) use meaning::Meaning;
 
 /// Backprojection with upsampled range profiles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -96,7 +95,7 @@ impl Algorithm for Backprojection {
         goal: &ErrorGoal,
         _: &dyn Monitor,
     ) -> Result<Decision<Choices>, FormError> {
-        decide(spec, self.error_db, goal, Meaning::Places)
+        decide(spec, self.error_db, goal, GridPoints::Positions)
     }
 
     fn open<'a>(
@@ -104,25 +103,25 @@ impl Algorithm for Backprojection {
         spec: ImageSpec<'a>,
         choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        open(spec, choices, Meaning::Places)
+        open(spec, choices, GridPoints::Positions)
     }
 }
 
-/// Decide on a plan for a grid with the given meaning.
+/// Decide on a plan for a grid of positions or velocities.
 pub(crate) fn decide(
     spec: &ImageSpec,
     error_db: f64,
     goal: &ErrorGoal,
-    meaning: Meaning,
+    grid_points: GridPoints,
 ) -> Result<Decision<Choices>, FormError> {
     let collection = spec.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
     let shares = Shares::of(error_db);
-    let swath = choice::swath(spec, meaning);
+    let swath = choice::swath(spec, grid_points);
     let mut motion_error = 0.0;
     let (choices, pixel_ns, path_error) = match collection.sweeps() {
         true => {
-            let (choices, errors) = sweeping::choose(spec, error_db - MARGIN_DB, meaning);
+            let (choices, errors) = sweeping::choose(spec, error_db - MARGIN_DB, grid_points);
             motion_error = errors[1];
             let pixel_ns = spec.numerics.model.blurred_point_ns * choices.num_parts() as f64;
             (choices, pixel_ns, libm::hypot(errors[0], errors[1]))
@@ -202,14 +201,14 @@ pub(crate) fn decide(
 pub(crate) fn open<'a>(
     spec: ImageSpec<'a>,
     choices: Choices,
-    meaning: Meaning,
+    grid_points: GridPoints,
 ) -> Result<Box<dyn Forming + 'a>, FormError> {
     choices.check(&spec)?;
     // Normalise before the transform sums, so that large samples stay within float32.
     let norm = spec.weights.normalisation();
     let window: Vec<f64> = spec.weights.fast.iter().map(|w| w * norm).collect();
     if let PixelPaths::Blurs(blurs) = choices.paths {
-        let opened = sweeping::Opened::new(spec, &choices, blurs, &window, meaning);
+        let opened = sweeping::Opened::new(spec, &choices, blurs, &window, grid_points);
         return Ok(Box::new(opened));
     }
     let profiler = RangeProfiler::new(
@@ -219,7 +218,10 @@ pub(crate) fn open<'a>(
         spec.numerics.transforms,
     );
     Ok(Box::new(tiles::Opened::new(
-        spec, profiler, choices, meaning,
+        spec,
+        profiler,
+        choices,
+        grid_points,
     )))
 }
 

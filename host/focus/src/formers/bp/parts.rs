@@ -141,6 +141,7 @@ mod tests {
                 receiver_m_s2: moving(-2.0),
                 reference_m_s: None,
             },
+            recorded_path_m: None,
         };
         let point = DVec3::new(4.0, 9.0, 1.0);
         for reference_m_s in [None, Some(DVec3::ZERO), Some(moving(2.0))] {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::blurs::Blurs;
 use super::cost::{PIXELS, PROFILES};
 use super::parts::{MAX_PARTS as MAX_PULSE_PARTS, PulseParts};
-use super::{Choices, MAX_OVERSAMPLING, MAX_PARTS, Meaning, PixelPaths, SUMMED_BLURRED};
+use super::{Choices, GridPoints, MAX_OVERSAMPLING, MAX_PARTS, PixelPaths, SUMMED_BLURRED};
 use crate::budget::Budget;
 use crate::pixels::for_each_run;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
@@ -30,7 +30,11 @@ const MIN_NEGLECTED: f64 = 3e-7;
 
 /// Choose parameters for a relative RMS error of `error_db`. Return them with the errors of the steps between profiles and of the neglected terms of
 /// the motion.
-pub(super) fn choose(spec: &ImageSpec, error_db: f64, meaning: Meaning) -> (Choices, [f64; 2]) {
+pub(super) fn choose(
+    spec: &ImageSpec,
+    error_db: f64,
+    grid_points: GridPoints,
+) -> (Choices, [f64; 2]) {
     let num_samples = spec.collection.num_samples;
     // Half of the error power for each of the two interpolations.
     let share_db = error_db - 10.0 * libm::log10(2.0);
@@ -38,7 +42,7 @@ pub(super) fn choose(spec: &ImageSpec, error_db: f64, meaning: Meaning) -> (Choi
     let allowed = allowed.max(MIN_NEGLECTED);
     let oversampling = RangeProfiler::oversampling_for(1, share_db);
     let oversampling = oversampling.min(MAX_OVERSAMPLING);
-    let (blurs, errors) = divide(spec, share_db, meaning, allowed);
+    let (blurs, errors) = divide(spec, share_db, grid_points, allowed);
     let length = RangeProfiler::length_for(blurs.width(), oversampling);
     let fit = spec.scratch_bytes / pulse_bytes(num_samples, &blurs, length);
     let choices = Choices {
@@ -52,12 +56,17 @@ pub(super) fn choose(spec: &ImageSpec, error_db: f64, meaning: Meaning) -> (Choi
 }
 
 /// Divide pulses into the fewest parts whose neglected terms are at most `allowed`. They decrease with the cube of the number of parts.
-fn divide(spec: &ImageSpec, share_db: f64, meaning: Meaning, allowed: f64) -> (Blurs, [f64; 2]) {
+fn divide(
+    spec: &ImageSpec,
+    share_db: f64,
+    grid_points: GridPoints,
+    allowed: f64,
+) -> (Blurs, [f64; 2]) {
     let most = MAX_PULSE_PARTS.min(spec.collection.num_samples.max(1));
     let mut count = 1;
     loop {
         let parts = PulseParts::new(&spec.weights.fast, count);
-        let (blurs, errors) = Blurs::new(spec, &parts, share_db, meaning);
+        let (blurs, errors) = Blurs::new(spec, &parts, share_db, grid_points);
         let times = libm::cbrt(errors[1] / allowed);
         if times <= 1.0 || !times.is_finite() || count >= most {
             return (blurs, errors);
@@ -107,7 +116,7 @@ pub(super) struct Opened<'a> {
     pub(super) parts: PulseParts,
     /// Profiler of each part.
     pub(super) profilers: Vec<RangeProfiler>,
-    pub(super) meaning: Meaning,
+    pub(super) grid_points: GridPoints,
 }
 
 impl Forming for Opened<'_> {
@@ -162,7 +171,7 @@ impl<'a> Opened<'a> {
         choices: &Choices,
         blurs: Blurs,
         window: &[f64],
-        meaning: Meaning,
+        grid_points: GridPoints,
     ) -> Self {
         let parts = PulseParts::new(window, blurs.parts);
         let profilers = profilers(&spec, &parts, choices);
@@ -172,7 +181,7 @@ impl<'a> Opened<'a> {
             blurs,
             parts,
             profilers,
-            meaning,
+            grid_points,
         }
     }
 
@@ -245,7 +254,7 @@ impl<'a> Opened<'a> {
     /// Fractional index in the profiles of a pulse for a point.
     #[inline(always)]
     fn blurred(&self, source: &Source, point: DVec3) -> SmearedPosition {
-        let (at, velocity_m_s) = self.meaning.target(&source.pulse, point);
+        let (at, velocity_m_s) = self.grid_points.target(&source.pulse, point);
         let terms = source.pulse.path_terms(at, velocity_m_s) - source.reference;
         let turns_m = source.pulse.step_hz / SPEED_OF_LIGHT_M_S;
         SmearedPosition {

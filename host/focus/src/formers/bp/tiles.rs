@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::choice::{swath, tile_pulse};
 use super::cost::{PIXELS, PROFILES};
-use super::{Choices, MAX_PARTS, Meaning, PixelPaths, pulse_bytes};
+use super::{Choices, GridPoints, MAX_PARTS, PixelPaths, pulse_bytes};
 use crate::budget::Budget;
 use crate::patch::{PatchSize, Patches, Rectangle, Segment};
 use crate::path_tile::{self, raster};
@@ -33,7 +33,7 @@ pub(super) struct Opened<'a> {
     pub(super) pieces: Pieces,
     pub(super) summed_pulses: usize,
     paths: PixelPaths,
-    meaning: Meaning,
+    grid_points: GridPoints,
     pub(super) patches: Patches,
     pub(super) highest_hz: f64,
     instructions: Instructions,
@@ -61,13 +61,13 @@ impl<'a> Opened<'a> {
         spec: ImageSpec<'a>,
         profiler: RangeProfiler,
         choices: Choices,
-        meaning: Meaning,
+        grid_points: GridPoints,
     ) -> Self {
         let side = match choices.paths {
             PixelPaths::Tiles { side, .. } => side,
             _ => PATCH,
         };
-        let swath = swath(&spec, meaning);
+        let swath = swath(&spec, grid_points);
         Self {
             pieces: choices.pieces(profiler.length(), swath.as_ref()),
             summed_pulses: choices.summed_pulses,
@@ -77,7 +77,7 @@ impl<'a> Opened<'a> {
             instructions: Instructions::best(),
             spec,
             profiler,
-            meaning,
+            grid_points,
         }
     }
 
@@ -167,12 +167,12 @@ impl<'a> Opened<'a> {
         let pieces = batch.pieces.chunks_exact(self.pieces.values());
         for ((pulse, tile_pulse), pieces) in batch.pulses.iter().zip(&batch.tile_pulses).zip(pieces)
         {
-            let points = match self.meaning {
-                Meaning::Places => &*points,
-                Meaning::Velocities { .. } => {
+            let points = match self.grid_points {
+                GridPoints::Positions => &*points,
+                GridPoints::Velocities { .. } => {
                     moved.clear();
                     for point in points.iter().map(DVec3::from) {
-                        moved.push(self.meaning.target(pulse, point).0.to_array());
+                        moved.push(self.grid_points.target(pulse, point).0.to_array());
                     }
                     &*moved
                 }

@@ -29,18 +29,22 @@ use rayon::prelude::*;
 
 use super::Entry;
 use crate::budget::Budget;
+use crate::coverage::Coverage;
 use crate::former_choices::FormerChoices;
 use crate::patch::PatchSize;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{
-    Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Remedy, Tile, Work, rounding,
+    Decision, ErrorGoal, FormError, Forming, GridPoints, ImageFormer, ImageSpec, Remedy, Tile,
+    Work, rounding,
 };
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
-use subaperture_model::phase_history::{PhaseHistory, Pulse, PulseRange, Weights};
+use subaperture_model::phase_history::{
+    BlockIllumination, PhaseHistory, Pulse, PulseRange, Weights,
+};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
 /// Former that evaluates the exact sum.
@@ -156,7 +160,8 @@ impl Exact {
 }
 
 impl Exact {
-    /// Exact values at pixels of a grid (ascending row-major indices). With beam weights each pixel uses the pulses that illuminate it.
+    /// Exact values at pixels of a grid (ascending row-major indices). With beam weights each pixel uses the pulses that illuminate it. Pixels
+    /// outside the recorded delays are 0 ([`crate::coverage`]).
     ///
     /// # Errors
     /// Errors of [`Self::at_points`].
@@ -171,35 +176,57 @@ impl Exact {
         let columns = grid.columns.count;
         let place = |i: &usize| grid.position_m(i / columns, i % columns);
         let points: Vec<DVec3> = pixels.iter().map(place).collect();
-        let Some(illumination) = &weights.illumination else {
-            return Self::at_points(history, weights, &points, memory_bytes, monitor);
-        };
-        let mut values = vec![Complex64::ZERO; pixels.len()];
-        let mut of_block: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-        for (at, i) in pixels.iter().enumerate() {
-            let block = illumination.block_of(i / columns, i % columns);
-            of_block.entry(block).or_default().push(at);
-        }
-        for (block, own) in of_block {
-            let pulses = illumination.pulses(block);
-            if pulses.is_empty() {
-                continue;
+        let mut values = match &weights.illumination {
+            None => Self::at_points(history, weights, &points, memory_bytes, monitor)?,
+            Some(illumination) => {
+                let block = |i: &usize| illumination.block_of(i / columns, i % columns);
+                let blocks: Vec<usize> = pixels.iter().map(block).collect();
+                let task = (history, memory_bytes, monitor);
+                in_blocks(task, (weights, illumination), &blocks, &points)?
             }
-            let part = PulseRange::new(history, pulses);
-            let weights = Weights {
-                fast: weights.fast.clone(),
-                slow: illumination.slow(block).0.to_vec(),
-                illumination: None,
-                windows: None,
-            };
-            let places: Vec<DVec3> = own.iter().map(|&at| points[at]).collect();
-            let sums = Self::at_points(&part, &weights, &places, memory_bytes, monitor)?;
-            for (at, sum) in own.into_iter().zip(sums) {
-                values[at] = sum;
+        };
+        let spec = ImageSpec::new(history.collection(), grid, weights);
+        let coverage = Coverage::new(spec, GridPoints::Positions);
+        for (i, value) in pixels.iter().zip(&mut values) {
+            if !coverage.covers(i / columns, i % columns) {
+                *value = Complex64::ZERO;
             }
         }
         Ok(values)
     }
+}
+
+/// Exact values at points, each in one of `blocks`, from the pulses that illuminate its block.
+fn in_blocks(
+    (history, memory_bytes, monitor): (&dyn PhaseHistory, u64, &dyn Monitor),
+    (weights, illumination): (&Weights, &BlockIllumination),
+    blocks: &[usize],
+    points: &[DVec3],
+) -> Result<Vec<Complex64>, FormError> {
+    let mut values = vec![Complex64::ZERO; points.len()];
+    let mut of_block: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (at, &block) in blocks.iter().enumerate() {
+        of_block.entry(block).or_default().push(at);
+    }
+    for (block, own) in of_block {
+        let pulses = illumination.pulses(block);
+        if pulses.is_empty() {
+            continue;
+        }
+        let part = PulseRange::new(history, pulses);
+        let weights = Weights {
+            fast: weights.fast.clone(),
+            slow: illumination.slow(block).0.to_vec(),
+            illumination: None,
+            windows: None,
+        };
+        let places: Vec<DVec3> = own.iter().map(|&at| points[at]).collect();
+        let sums = Exact::at_points(&part, &weights, &places, memory_bytes, monitor)?;
+        for (at, sum) in own.into_iter().zip(sums) {
+            values[at] = sum;
+        }
+    }
+    Ok(values)
 }
 
 fn sum_at(
@@ -318,6 +345,7 @@ mod tests {
             start_hz,
             step_hz,
             sweep: Sweep::AT_ONCE,
+            recorded_path_m: None,
         };
         let collection = Collection {
             name: "still".to_owned(),

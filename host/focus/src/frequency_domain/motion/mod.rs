@@ -236,6 +236,7 @@ pub(super) mod tests {
                     start_hz: 1e9,
                     step_hz: 2e6,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 }
             })
             .collect();

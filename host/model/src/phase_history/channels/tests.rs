@@ -19,6 +19,7 @@ fn channel(name: &str, count: usize, late_s: f64, apart_m: f64) -> ChannelHistor
         start_hz: 10e9,
         step_hz: 1e6,
         sweep: Sweep::AT_ONCE,
+        recorded_path_m: None,
     };
     let collection = Collection {
         name: format!("pass channel {name}"),

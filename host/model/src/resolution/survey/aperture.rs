@@ -153,6 +153,19 @@ pub(super) fn unambiguous_cross_m(
     (extent_m.is_finite() && extent_m < 1e6 * limit_m).then_some(extent_m)
 }
 
+/// Extent in the scene plane along the line of sight of the `middle` pulse, centred on the scene centre, that the samples of every pulse contain,
+/// metres; `None` if a pulse states no interval of paths or does not contain the centre.
+pub(super) fn recorded_range_m(pulses: &[Pulse], middle: &Pulse, centre_m: DVec3) -> Option<f64> {
+    let mut margin_m = f64::INFINITY;
+    for pulse in pulses {
+        let [shortest_m, longest_m] = pulse.recorded_path_m?;
+        let path_m = pulse.path_m(centre_m);
+        margin_m = margin_m.min(path_m - shortest_m).min(longest_m - path_m);
+    }
+    let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre_m).truncate();
+    positive(2.0 * margin_m / gradient.length())
+}
+
 /// Unambiguous extent in the scene plane along the line of sight, metres.
 pub(super) fn unambiguous_range_m(pulse: &Pulse, centre_m: DVec3) -> Option<f64> {
     let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, centre_m).truncate();

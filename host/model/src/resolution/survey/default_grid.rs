@@ -47,7 +47,7 @@ pub fn scene_grid(history: &dyn PhaseHistory) -> Result<ImageGrid, NoDefaultGrid
 
 impl Survey {
     /// Rectangle of the default grid: the declared extent, or else the largest rectangle
-    /// along the frame's axes within the unambiguous extent, centred on the scene centre.
+    /// along the frame's axes within the unambiguous extent and the recorded delays, centred on the scene centre.
     ///
     /// # Errors
     /// [`NoDefaultGrid`] if no extent is declared and the unambiguous extent is zero or infinite, or the scene centre is at the antennas.
@@ -69,6 +69,7 @@ impl Survey {
                 "the antenna does not move across its line of sight".to_owned(),
             ));
         };
+        let range_m = self.recorded_range_m.map_or(range_m, |m| m.min(range_m));
         let (half_x, half_y) = if self.is_wide_angle() {
             // The line of sight rotates, and the rectangle with it: the square inside a circle remains.
             let half = range_m.min(cross_m) / 8f64.sqrt();

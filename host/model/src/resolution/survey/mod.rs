@@ -14,6 +14,7 @@
 //! Neglected: the Earth's curvature in angles.
 
 mod aperture;
+mod coarse;
 pub mod default_grid;
 mod geometry;
 use geometry::{angle_between, median, positive};
@@ -28,6 +29,7 @@ use crate::resolution::support::{Looks, Projection, Support, path_gradient};
 use aperture::Aperture;
 use subaperture_signal::window::Window;
 
+pub use coarse::CoarseAxis;
 pub use default_grid::{DefaultGrid, MAX_PIXELS, NoDefaultGrid, scene_grid};
 
 /// Samples per side of the scene at which the support is evaluated for the pixel spacing.
@@ -87,6 +89,9 @@ pub struct Survey {
     pub unambiguous_range_m: Option<f64>,
     /// Unambiguous extent in the scene plane across the line of sight, metres.
     pub unambiguous_cross_range_m: Option<f64>,
+    /// Extent in the scene plane along the line of sight, centred on the scene centre, that the samples of every pulse contain, metres; `None` if the
+    /// recording does not state its receive window.
+    pub recorded_range_m: Option<f64>,
 
     /// Time from the first to the last pulse, seconds.
     pub duration_s: Option<f64>,
@@ -247,6 +252,7 @@ impl Survey {
                 centre,
                 slant_range_m,
             ),
+            recorded_range_m: aperture::recorded_range_m(pulses, middle, centre),
             duration_s: timed(positive(pulses[pulses.len() - 1].time_s - first.time_s)),
             pri_s: timed(median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s))),
             pulse_spacing_m: pulse_spacing_m(pulses),
@@ -379,6 +385,7 @@ mod tests {
                     start_hz: 9.9e9,
                     step_hz: 1e6,
                     sweep: Sweep::AT_ONCE,
+                    recorded_path_m: None,
                 }
             })
             .collect();
@@ -449,6 +456,38 @@ mod tests {
         // Flight along +x, look along +y: left.
         assert_eq!(survey.side, Some(Side::Left));
         assert_eq!(survey.bistatic_angle_deg, 0.0);
+    }
+
+    /// A window of slant ranges from 40 m before to 60 m after the centre of the middle pulse, which is the nearest one. At a grazing angle of
+    /// 45 degrees, 2 x 40 m of slant range are 113 m of ground range.
+    #[test]
+    fn default_grid_is_limited_to_recorded_delays() {
+        let mut collection = pass(0.1, 1001);
+        let centre_path_m = collection.pulses[500].path_m(DVec3::ZERO);
+        for pulse in &mut collection.pulses {
+            pulse.recorded_path_m = Some([centre_path_m - 80.0, centre_path_m + 120.0]);
+        }
+        let survey = Survey::of(&collection).unwrap();
+        let expected_m = 80.0 * 2f64.sqrt();
+        close(survey.recorded_range_m, expected_m, 1e-3);
+        let grid = survey.default_grid().unwrap().grid;
+        let deep_m = grid.rows.step * grid.rows.count as f64;
+        assert!((deep_m / expected_m - 1.0).abs() < 0.02, "{deep_m}");
+        for row in [0, grid.rows.count - 1] {
+            let point_m = grid.position_m(row, grid.columns.count / 2);
+            for pulse in &collection.pulses {
+                let [low_m, high_m] = pulse.recorded_path_m.unwrap();
+                assert!(
+                    (low_m..=high_m).contains(&pulse.path_m(point_m)),
+                    "{point_m}"
+                );
+            }
+        }
+        // A window that does not contain the centre gives no limit.
+        for pulse in &mut collection.pulses {
+            pulse.recorded_path_m = Some([centre_path_m + 80.0, centre_path_m + 120.0]);
+        }
+        assert_eq!(Survey::of(&collection).unwrap().recorded_range_m, None);
     }
 
     #[test]

@@ -15,9 +15,6 @@ use crate::link::products::Request;
 /// Backlog in bytes above which no pulse is added, so that answers stay prompt.
 const BACKLOG_BYTES: usize = 8192;
 
-/// Factor on the idle timeout for a module that answers without progress: a large map takes seconds on a small processor.
-const STUCK_IDLES: u32 = 6;
-
 impl Conversation<'_> {
     // Runs.
 
@@ -161,7 +158,7 @@ impl Conversation<'_> {
 
     /// Fail if the run made no progress for too long.
     pub(super) fn fail_if_stuck(&self, now: Instant) -> Result<(), LinkError> {
-        let limit = self.ledger.settings.idle * STUCK_IDLES;
+        let limit = self.ledger.settings.stuck();
         match since(self.times.advanced, now) > limit {
             true => Err(LinkError::Stuck(limit)),
             false => Ok(()),

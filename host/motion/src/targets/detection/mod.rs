@@ -7,6 +7,7 @@ mod lost;
 use crate::{Array, Sighting, Tracker};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Band, Channels, PhaseHistory, ReadError};
+use subaperture_model::track::TrackError;
 use subaperture_signal::window::Window;
 
 use crate::targets::arrangement::{Arrangement, ArrangementError};
@@ -87,6 +88,9 @@ pub enum TargetsError {
     /// The channels do not form an array.
     #[error(transparent)]
     Arrangement(#[from] ArrangementError),
+    /// A track that replaces the recorded positions is invalid.
+    #[error(transparent)]
+    Track(#[from] TrackError),
     /// A setting is invalid.
     #[error("{0}")]
     Settings(&'static str),

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, ImageGrid};
 use subaperture::images::{OpenImage, Pixels};
 use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::sicd::SicdVersion;
 
 use crate::args::{ImageFormat, Mapping, Writing};
 use crate::commands::stored;
@@ -24,6 +25,7 @@ pub(super) struct One<'a> {
     pub(super) out: &'a Path,
     pub(super) place: Option<Geodetic>,
     pub(super) speed_m_s: Option<f64>,
+    pub(super) sicd_version: Option<SicdVersion>,
     pub(super) maps: Mapping,
     pub(super) writing: Writing,
 }

@@ -4,7 +4,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::Kind;
-use subaperture::sicd::{Formed, Georeference, Sicd, SicdError};
+use subaperture::sicd::{Formed, Georeference, Sicd, SicdError, SicdOptions};
 
 use super::one::{One, Written, recorded, whole};
 use crate::config::Session;
@@ -30,8 +30,12 @@ pub(super) fn claim(one: &One, claims: &mut OutputClaims) -> anyhow::Result<()> 
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let image = whole(session, one.folder)?;
     let (grid, record) = recorded(one, &image)?;
+    let options = SicdOptions {
+        version: one.sicd_version,
+        ..SicdOptions::default()
+    };
     let sicd = Formed::of_record(&grid, &record)
-        .and_then(|formed| Sicd::new(&formed, &placing(one), now_ns()))
+        .and_then(|formed| Sicd::with_options(&formed, &placing(one), now_ns(), &options))
         .map_err(with_advice)?;
     for sentence in sicd.assumptions() {
         messages::warning(sentence);

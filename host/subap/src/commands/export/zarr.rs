@@ -75,7 +75,8 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
         images: &images,
         grid: &grid,
         start_ns: &starts.unwrap_or_default(),
-        attributes: &attributes(&opened, &grid, &frame),
+        measures: &[],
+        attributes: &attributes(&opened.iter().collect::<Vec<_>>(), &grid, &frame),
     };
     let writing = session.progress("writing");
     match stack.write(one.out, &writing) {
@@ -100,8 +101,12 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
 }
 
 /// Metadata of the images. For images without a position, coordinates are rows and columns.
-fn attributes(opened: &[OpenImage], grid: &ImageGrid, frame: &SceneFrame) -> Value {
-    let source = |image: &OpenImage| {
+pub(in crate::commands) fn attributes(
+    opened: &[&OpenImage],
+    grid: &ImageGrid,
+    frame: &SceneFrame,
+) -> Value {
+    let source = |image: &&OpenImage| {
         let record = image.record.clone().unwrap_or_default();
         json!({
             "name": image.path.display().to_string(),

@@ -4,7 +4,6 @@ use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::{
     Beam, BeamChoice, BeamSource, BeamWarning, ChosenBeam, InBeam, Rejected, choose,
 };
-use subaperture::focus::coverage::Coverage;
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::PhaseHistory;
 
@@ -35,17 +34,15 @@ pub(crate) fn former(
     let progress = session.progress("choosing the beam");
     let chosen = choose(choice, history, grid, &progress)?;
     progress.finish();
-    let coverage = Coverage::of(history.collection(), grid);
-    if let Some(warning) = coverage.and_then(|coverage| coverage.warning()) {
-        messages::warning(warning);
-    }
     for warning in chosen.warnings(grid) {
         messages::warning(match warning {
             BeamWarning::Rejected(Rejected::Undecided { .. }) => format!(
                 "{warning}. Give the approximate direction with --beam auto --squint DEG, or use all pulses with --beam none"
             ),
             BeamWarning::Ghosts(_) => {
-                format!("{warning}: choose a narrower grid, or a narrower beam with --beam DEG")
+                format!(
+                    "{warning}: choose a narrower grid, or a narrower beam with --beam DEG or --doppler-band HZ"
+                )
             }
             _ => warning.to_string(),
         });
@@ -59,6 +56,12 @@ pub(crate) fn former(
 
 fn choice(typed: &Imaging) -> BeamChoice {
     let squint_rad = typed.forming.squint.map(f64::to_radians);
+    if let Some(width_hz) = typed.forming.doppler_band {
+        return BeamChoice::DopplerBand {
+            width_hz,
+            centroid_hz: typed.forming.doppler_centroid,
+        };
+    }
     match typed.forming.beam {
         None => BeamChoice::Stated,
         Some(BeamWidth::None) => BeamChoice::None,

@@ -11,7 +11,8 @@ use subaperture::image::{Image, ImageSource};
 use subaperture::io::input::{checksum, open_file};
 use subaperture::io::product::{self, CompleteProduct, Product, TiledProduct};
 use subaperture::io::tiles::{self, TileStore};
-use subaperture::io::written::WrittenFile;
+use subaperture::io::together::FileSet;
+use subaperture::io::written::{FileKind, WrittenFile};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::plot::{self, Panel, Source};
 
@@ -19,6 +20,7 @@ use super::job::{Job, products};
 use super::record::{About, Record};
 use crate::args::{Focus, TrackSource};
 use crate::commands::export::Written;
+use crate::commands::gmti::{self, Found};
 use crate::config::Session;
 use crate::{interrupt, messages, text};
 
@@ -75,14 +77,34 @@ impl Whole<'_> {
     }
 }
 
+/// Moving targets detected in the images of the channels.
+pub(super) struct Targets<'a> {
+    /// File for the record.
+    pub(super) path: &'a Path,
+    pub(super) record: Value,
+    pub(super) found: &'a Found,
+}
+
+impl Targets<'_> {
+    /// Write the record together with the image, both complete or neither.
+    fn write_with(&self, product: &Product, out: &Path) -> anyhow::Result<Vec<WrittenFile>> {
+        let mut files = FileSet::new();
+        product.add_to(&mut files, out)?;
+        let bytes = serde_json::to_vec_pretty(&self.record)?;
+        files.write_bytes(self.path, FileKind::MovingTargets, &bytes)?;
+        Ok(files.commit()?)
+    }
+}
+
 impl Job<'_> {
-    /// Write a complete image by the named former with its record and picture.
+    /// Write a complete image by the named former with its record and picture, and with moving targets if they were detected.
     pub(super) fn deliver(
         &self,
         grid: &ImageGrid,
         (former, beam): (&str, Option<Beam>),
         about: About,
         image: Whole,
+        targets: Option<&Targets>,
     ) -> anyhow::Result<()> {
         let Self { session, typed, .. } = *self;
         interrupt::check()?;
@@ -114,7 +136,7 @@ impl Job<'_> {
         let resolved = record.settings["resolved"].as_object();
         let former = resolved.map_or(former, |resolved| selected(resolved, former));
         let title = format!("{}, {former}", self.survey.get().name);
-        deliver(session, typed, image, &record, &title)?;
+        deliver(session, typed, image, &record, &title, targets)?;
         match report {
             Some(check) if !session.json() => Ok(text::say(check)?),
             _ => Ok(()),
@@ -129,6 +151,7 @@ pub(super) fn deliver(
     image: Whole,
     record: &Record,
     title: &str,
+    targets: Option<&Targets>,
 ) -> anyhow::Result<()> {
     interrupt::check()?;
     let writing = session.progress("writing");
@@ -145,18 +168,37 @@ pub(super) fn deliver(
         )?)
     };
     let out = &typed.out;
-    let files = if let Whole::Memory(image) = &image {
-        product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?
-    } else {
-        let quicklook = &draw()?;
-        image.write_metadata(out, record.to_json(title), quicklook)?
+    let files = match (&image, targets) {
+        (Whole::Memory(image), None) => {
+            product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?
+        }
+        (Whole::Memory(image), Some(targets)) => {
+            let product = Product {
+                image,
+                metadata: &record.to_json(title),
+                quicklook: &draw()?,
+            };
+            targets.write_with(&product, out)?
+        }
+        _ => {
+            let quicklook = &draw()?;
+            image.write_metadata(out, record.to_json(title), quicklook)?
+        }
     };
     writing.finish();
     let products = products(typed).write(session)?;
     if session.json() {
-        return text::say_json("focus", summary(record, files, &products));
+        let mut summary = summary(record, files, &products);
+        if let Some(targets) = targets {
+            summary["features"] = targets.record["features"].clone();
+        }
+        return text::say_json("focus", summary);
     }
-    report(session, typed, record, &products)
+    report(session, typed, record, &products)?;
+    match targets {
+        Some(targets) if session.prints_text() => gmti::say(targets.path, targets.found),
+        _ => Ok(()),
+    }
 }
 
 /// The result as JSON. The record, which is among its files, contains all settings and figures.
@@ -230,9 +272,5 @@ pub(crate) fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
     let named = || format!("cannot read {}", path.display());
     let mut file = open_file(path).with_context(named)?;
     let (bytes, crc32) = checksum(&mut file).with_context(named)?;
-    Ok(InputFile {
-        path: path.to_owned(),
-        bytes,
-        crc32,
-    })
+    Ok(InputFile::with_crc32(path, bytes, crc32))
 }

@@ -1,6 +1,6 @@
 //! Device of `--device`.
 
-use subaperture::focus::Plan;
+use serde_json::Value;
 use subaperture::focus::device::Device;
 
 use crate::args::DeviceChoice;
@@ -41,11 +41,11 @@ fn gpu(_any: bool) -> Result<Box<dyn Device>, String> {
     Err("this program was built without the feature gpu".to_owned())
 }
 
-/// Note a plan that does not use the device.
-pub(super) fn note_unused(device: Option<&dyn Device>, plan: &Plan) {
+/// Note an image by the named former, with this summary of its plan or these settings, that does not use the device.
+pub(super) fn note_unused(device: Option<&dyn Device>, former: &str, summary: &Value) {
     let Some(device) = device else { return };
-    if plan.summary.get("device").is_none() {
-        let former = plan.summary["former"].as_str().unwrap_or(&plan.former);
+    if summary.get("device").is_none() {
+        let former = summary["former"].as_str().unwrap_or(former);
         let name = device.name();
         messages::note(&format!(
             "--device: {former} forms this image on the processor; bp on a Cartesian grid can use {name}"

@@ -106,6 +106,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         Whole::Memory(&formed.image),
         &record,
         &title,
+        None,
     )
 }
 

@@ -1,18 +1,19 @@
 //! Image to be formed by `subap focus`: its recording as the image uses it, and its outputs.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::Context;
 use serde_json::Value;
+use subaperture::autofocus::Correction;
+use subaperture::corrections::{CorrectedRecording, Corrections, CorrectionsError};
 use subaperture::focus::Numerics;
-use subaperture::focus::moving::Moving;
 use subaperture::geometry::ImageGrid;
-use subaperture::io::target_csv;
+use subaperture::io::{phase_csv, target_csv};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::track::Displacement;
 
-use super::{corrected, on_track};
+use super::on_track;
 use crate::args::Focus;
-use crate::commands::air::Recorded;
 use crate::commands::export::Products;
 use crate::commands::forming::Surveying;
 use crate::commands::surface;
@@ -42,44 +43,39 @@ impl Job<'_> {
     }
 }
 
-/// Call a function with the recordings as the image uses them: on the requested track, corrected for delay and phase, in the frame of a moving
-/// target. The function also gets the movers found by a track estimate, for the record.
-pub(super) fn with_history<T>(
+/// The recordings as the image uses them: on the requested track, corrected for delay and phase, in the frame of a moving target. The JSON value
+/// has the movers found by a track estimate, for the record.
+pub(super) fn opened(
     session: &Session,
     typed: &Focus,
-    act: impl FnOnce(&dyn PhaseHistory, Value) -> anyhow::Result<T>,
-) -> anyhow::Result<T> {
+) -> anyhow::Result<(CorrectedRecording<'static>, Value)> {
     let (recorded, movers) = match &typed.track {
         None => (session.open(&typed.input)?, Value::Null),
         Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
-    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
-    let corrected = corrected::corrected(typed, air.history())?;
-    let recorded: &dyn PhaseHistory = match &corrected {
-        Some(corrected) => corrected,
-        None => air.history(),
-    };
-    match moving(typed, recorded)? {
-        Some(moving) => act(&moving, movers),
-        None => act(recorded, movers),
-    }
-}
-
-/// The recording in the frame of a moving target, if one is requested.
-pub(super) fn moving<'a>(
-    typed: &Focus,
-    recorded: &'a dyn PhaseHistory,
-) -> anyhow::Result<Option<Moving<'a>>> {
-    let first_s = recorded.collection().pulses[0].time_s;
     let target = &typed.target;
-    if let Some(path) = &target.motion {
-        let moving = Moving::new(recorded, target_csv::read(path)?, first_s);
-        return moving.map(Some).with_context(|| path.display().to_string());
-    }
-    let moving = target
-        .velocity
-        .map(|velocity| Moving::new(recorded, velocity, first_s));
-    Ok(moving.transpose()?)
+    let phase = typed.phase.as_deref().map(phase_csv::read).transpose()?;
+    let sampled = target.motion.as_deref().map(target_csv::read).transpose()?;
+    let corrections = Corrections {
+        troposphere: typed.image.grid.troposphere.0,
+        errors: phase.map(|error_rad| Correction::Phase { error_rad }),
+        target: sampled.or(target.velocity.map(Displacement::Velocity)),
+    };
+    let corrected = corrections.apply(Arc::new(recorded));
+    let corrected = corrected.map_err(|error| {
+        let source = match error {
+            CorrectionsError::Errors(_) => typed.phase.as_ref(),
+            CorrectionsError::Target(_) => target.motion.as_ref(),
+            _ => None,
+        };
+        let named = source.map(|path| path.display().to_string());
+        let error = anyhow::Error::from(error);
+        match named {
+            Some(named) => error.context(named),
+            None => error,
+        }
+    })?;
+    Ok((corrected, movers))
 }
 
 /// Additional output formats of the image.

@@ -5,9 +5,9 @@ use serde_json::Value;
 use subaperture::convention::INFERENCE;
 use subaperture::io::open::{Options, cphd_info, open_channels};
 use subaperture::io::track_csv;
-use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
-use subaperture::targets::{Arrangement, Settings, TargetsError};
-use subaperture::track::{Fix, SampledTrack};
+use subaperture::phase_history::{Channels, Joined};
+use subaperture::targets::{self, Arrangement, Settings, TargetsError};
+use subaperture::track::Fix;
 use subaperture::track_fusion::TrackFusionError;
 
 use crate::args::{Input, Logs, TrackSource};
@@ -24,7 +24,7 @@ pub(super) fn open(
     logs: &Logs,
 ) -> anyhow::Result<(Joined, Value)> {
     let named = || format!("--track {source}");
-    let (mut fixes, movers) = match source {
+    let (fixes, movers) = match source {
         TrackSource::File(path) => (track_csv::read(path).with_context(named)?, Value::Null),
         TrackSource::Echoes | TrackSource::Fused => estimated(session, input, source, logs)?,
     };
@@ -44,25 +44,19 @@ pub(super) fn open(
     let channels = Channels::join(recordings)?;
     reading.finish();
     note_inferred(channels.channel(0));
-    let arrangement = Arrangement::of(&channels)?;
-    for fix in &mut fixes {
-        // Without attitudes in the track, the antennas keep the attitude of the first pulse.
-        fix.attitude.get_or_insert(arrangement.attitude);
-    }
-    let body = SampledTrack::new(&fixes).with_context(named)?;
-    let span_s = (fixes[0].time_s, fixes[fixes.len() - 1].time_s);
+    let span_s = fixes.first().zip(fixes.last());
+    let span_s = span_s.map_or((0.0, 0.0), |(first, last)| (first.time_s, last.time_s));
     let wanted = wanted(input, &channels, session.memory_bytes)?;
     let all = channels.num_pulses();
-    let mut moved = Vec::new();
-    for (c, (about, history)) in channels.into_inner().into_iter().enumerate() {
-        let [t, r] = arrangement.of_channels[c];
-        let arms_m = [arrangement.transmitters_m[t], arrangement.receivers_m[r]];
-        if wanted.contains(&c) {
-            let history = OnTrack::new(history, &body, arms_m, span_s).with_context(named)?;
-            for warning in history.warnings() {
-                messages::warning(warning);
-            }
-            moved.push((about, Box::new(history) as Box<dyn PhaseHistory>));
+    let placed = targets::on_track(channels, &fixes).with_context(named)?;
+    let placed = placed.into_inner().into_iter().enumerate();
+    let moved: Vec<_> = placed
+        .filter(|(c, _)| wanted.contains(c))
+        .map(|(_, channel)| channel)
+        .collect();
+    for (_, history) in &moved {
+        for warning in history.warnings() {
+            messages::warning(warning);
         }
     }
     let moved = Channels::new(moved)?;

@@ -119,6 +119,8 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
             json!(image.forming.beam.map(|beam| beam.to_string())),
         ),
         ("squint_deg", json!(image.forming.squint)),
+        ("doppler_band_hz", json!(image.forming.doppler_band)),
+        ("doppler_centroid_hz", json!(image.forming.doppler_centroid)),
         (
             "velocity_m_s",
             json!(typed.target.velocity.map(|v| v.to_array())),
@@ -162,6 +164,10 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
                 set.map(|(key, value)| format!("{key}={value}"))
                     .collect::<Vec<_>>()
             )
+        }),
+        ("gmti", {
+            let file = typed.gmti.as_ref();
+            json!(file.map(|path| path.to_string_lossy()))
         }),
         ("check", json!(typed.check)),
         ("top_db", typed.look.recorded_top()),

@@ -16,8 +16,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use serde_json::Value;
+use subaperture::corrections::CorrectedRecording;
 use subaperture::focus::StageCost;
 use subaperture::focus::accuracy::comparison_cost;
+use subaperture::focus::coverage;
 use subaperture::focus::plan::ImageSink;
 use subaperture::focus::{
     Executed, Execution, FormError, ImageFormer, ImageSpec, Numerics, Plan, SCRATCH_BYTES, Task,
@@ -35,16 +37,16 @@ use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 
 use super::deliver::Whole;
-use super::job::{Job, products, with_history};
+use super::job::{Job, opened, products};
 use super::missed::with_advice;
 use super::sinks::{ArraySink, StoreSink, claim};
 use super::summary::describe;
-use super::{beam, check, device, missed, record};
+use super::{beam, check, coarse, device, missed, record};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{stages, text};
+use crate::{messages, stages, text};
 
 /// Time limit for the creation of a store by another process.
 const CREATION: Duration = Duration::from_secs(10);
@@ -57,21 +59,21 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let products = products(typed);
     let _products = products.claim(session, &typed.input.files)?;
-    with_history(session, typed, |history, movers| {
-        products.check_place(&history.collection().frame)?;
-        formed(session, typed, (history, movers), own, start)
-    })
+    let (recorded, movers) = opened(session, typed)?;
+    products.check_place(&recorded.history().collection().frame)?;
+    formed(session, typed, (&recorded, movers), own, start)
 }
 
 /// Form the missing tiles of an image of a recording.
 fn formed(
     session: &Session,
     typed: &Focus,
-    (history, movers): (&dyn PhaseHistory, Value),
+    (recorded, movers): (&CorrectedRecording, Value),
     own: Option<OutputClaims>,
     start: Instant,
 ) -> anyhow::Result<()> {
-    let survey = Surveying::of(history)?;
+    let history = recorded.history();
+    let survey = Surveying::of(recorded.at_rest())?;
     let model = forming::time_model(&typed.image)?;
     let device = device::open(typed.device);
     let job = Job {
@@ -97,6 +99,7 @@ fn formed(
         }
         None => {
             let grid = job.grid()?;
+            coarse::note(&job, &grid);
             let former = beam::former(session, &typed.image, job.history, &grid)?;
             let weights = weights(&typed.image, &*former, collection, &grid)?;
             let spec = spec(&typed.image, collection, &grid, &weights, job.numerics);
@@ -107,7 +110,7 @@ fn formed(
         let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
         return text::say(describe(&plan, part)).map_err(Into::into);
     }
-    device::note_unused(job.numerics.device, &plan);
+    device::note_unused(job.numerics.device, &plan.former, &plan.summary);
     let weights = plan.weights(collection)?;
     let mut spec = plan.spec(collection, &weights);
     spec.numerics.device = job.numerics.device;
@@ -165,7 +168,16 @@ pub(super) fn plan(
     let plan = Plan::new(former, spec, typed.forming.bound_policy(), &progress)
         .map_err(|error| missed::refusal(error, former, spec, &progress))?;
     progress.finish();
+    warn_of_uncovered(&plan);
     Ok(plan)
+}
+
+/// Warn of pixels outside the recorded delays.
+fn warn_of_uncovered(plan: &Plan) {
+    let summary = plan.summary.as_object();
+    if let Some(warning) = summary.and_then(|summary| coverage::warning(summary, &plan.grid)) {
+        messages::warning(warning);
+    }
 }
 
 /// Plan for a recording, to be executed later. It allows for scatterers outside the grid.
@@ -185,6 +197,7 @@ pub(crate) fn plan_recording(
     let plan = Plan::for_recording(&*former, &spec, policy, history, &progress)
         .map_err(|error| missed::refusal(error, &*former, &spec, &progress))?;
     progress.finish();
+    warn_of_uncovered(&plan);
     Ok((plan, comparison_cost(&spec)))
 }
 
@@ -367,6 +380,7 @@ impl InParts<'_> {
             (&plan.former, self.former.beam()),
             about,
             image,
+            None,
         )
     }
 

@@ -1,20 +1,27 @@
 //! Targets and tracks of all dwells, and their picture.
 
+use std::time::Duration;
+
 use glam::DVec3;
 use serde::Serialize;
-use subaperture::geometry::ImageGrid;
+use serde_json::{Value, json};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::gmti::detection::Settings;
 use subaperture::gmti::registration::PhaseModel;
 use subaperture::gmti::tracker::{self, Plane, Track, Tracker};
-use subaperture::gmti::{Cancellation, ChannelBalance, Chip, MovingTargets, Sensitivity, Target};
+use subaperture::gmti::{
+    Cancellation, ChannelBalance, Chip, MovingTargets, Sensitivity, Target, geojson, space_time,
+};
 use subaperture::image::Image;
 use subaperture::phase_history::{Channel, Channels};
 use subaperture::plot::{self, Mark, Orientation, Panel};
 
-use crate::config::Session;
+use crate::config::{Session, record_of_run};
 use crate::messages;
 
 /// Targets and tracks of all dwells.
-pub(super) struct Found {
+pub(crate) struct Found {
+    plane: Plane,
     pub(super) dwells: Vec<Vec<Target>>,
     pub(super) tracker: Tracker,
     /// Balance, registration and cancellation of each channel in the first dwell.
@@ -22,14 +29,15 @@ pub(super) struct Found {
     /// Image of the first channel in the first dwell.
     image: Option<Image>,
     /// Detection performance in the first dwell.
-    pub(super) sensitivity: Option<Sensitivity>,
+    pub(crate) sensitivity: Option<Sensitivity>,
     pub(super) side_lobes: usize,
     pub(super) cells: f64,
 }
 
 impl Found {
-    pub(super) fn new(plane: Plane) -> anyhow::Result<Self> {
+    pub(crate) fn new(plane: Plane) -> anyhow::Result<Self> {
         Ok(Self {
+            plane,
             dwells: Vec::new(),
             tracker: Tracker::new(tracker::Settings {
                 plane,
@@ -44,9 +52,9 @@ impl Found {
     }
 
     /// Add the targets of a dwell, and with `follow` continue the tracks. `refocused` are put into the picture of the first dwell.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
-        dwell: MovingTargets,
+        mut dwell: MovingTargets,
         channels: &Channels,
         follow: bool,
         refocused: &[Chip],
@@ -56,7 +64,8 @@ impl Found {
             self.channels = about
                 .map(|channel| ChannelRecord::of(&dwell, channel))
                 .collect();
-            self.image = dwell.images.images.first().cloned();
+            // The other images are not drawn.
+            self.image = dwell.images.images.drain(..).next();
             if let Some(image) = &mut self.image {
                 refocused.iter().for_each(|chip| chip.put_into(image));
             }
@@ -71,6 +80,25 @@ impl Found {
         self.side_lobes += dwell.side_lobes;
         self.cells += dwell.map.cells;
         self.dwells.push(dwell.targets);
+    }
+
+    /// Record of the targets and tracks, a GeoJSON feature collection.
+    pub(crate) fn record(
+        &self,
+        session: &Session,
+        frame: &SceneFrame,
+        (settings, integration): (&Settings, Option<&space_time::Settings>),
+        taken: Duration,
+    ) -> Value {
+        let tracks = (self.tracker.tracks(), &self.plane);
+        let mut record = geojson::collection(&self.dwells, tracks, frame);
+        record["run"] = record_of_run(session, taken);
+        record["channels"] = json!(self.channels);
+        record["sensitivity"] = json!(self.sensitivity);
+        record["settings"] = json!(settings);
+        record["integration"] = json!(integration);
+        record["warnings"] = json!(messages::warnings());
+        record
     }
 
     /// Number of targets of all dwells.
@@ -104,10 +132,9 @@ impl Found {
                     .collect()
             }
             _ => {
-                let plane = Plane::of(grid);
                 let last = |track: &Track| {
                     let mean = track.history.last()?.mean;
-                    let position_m = plane.position_m([mean[0], mean[1]]);
+                    let position_m = self.plane.position_m([mean[0], mean[1]]);
                     Some(mark(format!("T{}", track.id), position_m))
                 };
                 self.tracks().filter_map(last).collect()

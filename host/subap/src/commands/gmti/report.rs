@@ -1,14 +1,15 @@
 //! Targets and tracks as text.
 
+use std::path::Path;
+
 use subaperture::gmti::Target;
 use subaperture::gmti::tracker::{Status, Track};
 
 use super::found::Found;
-use crate::args::Gmti;
 use crate::text;
 
-/// Print cancellation, targets and tracks.
-pub(super) fn say(typed: &Gmti, found: &Found) -> anyhow::Result<()> {
+/// Print cancellation, targets and tracks, which were written to `out`.
+pub(crate) fn say(out: &Path, found: &Found) -> anyhow::Result<()> {
     for channel in &found.channels {
         let Some(compared) = &channel.compared else {
             continue;
@@ -23,7 +24,7 @@ pub(super) fn say(typed: &Gmti, found: &Found) -> anyhow::Result<()> {
     }
     text::say(format!(
         "{}: {}, {} side lobes left out, {:.0} cells tested",
-        typed.out.display(),
+        out.display(),
         found.counted(),
         found.side_lobes,
         found.cells

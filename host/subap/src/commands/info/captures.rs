@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::Context;
 use serde_json::json;
-use subaperture::radio::experiment::{Device, Experiment};
+use subaperture::radio::experiment::{AnyExperiment, Device};
 use subaperture::radio::sigmf::Recording;
+use subaperture::radio::vna::VnaExperiment;
 
 use super::description::{Description, line};
 use crate::config::Session;
@@ -108,7 +109,10 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
 
 /// Describe the plan and radio of an experiment.
 pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Description> {
-    let experiment = Experiment::read_within(path, &[], session.memory_bytes)?;
+    let experiment = match AnyExperiment::read_within(path, &[], session.memory_bytes)? {
+        AnyExperiment::Radio(experiment) => experiment,
+        AnyExperiment::Analyser(experiment) => return Ok(analyser(path, &experiment)),
+    };
     let plan = &experiment.plan;
     let radio = match &experiment.device {
         Device::Simulated(simulated) => {
@@ -155,4 +159,43 @@ pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Descr
             "images": experiment.live.is_some(),
         }),
     })
+}
+
+/// Describe the plan and analyser of an experiment.
+fn analyser(path: &Path, experiment: &VnaExperiment) -> Description {
+    let analyser = &experiment.analyser;
+    let place = format!(
+        "network analyser at {}, port {}",
+        analyser.address, analyser.port
+    );
+    let mut text = line("experiment", &path.display().to_string());
+    text += &line("name", &experiment.name);
+    text += &line("device", &place);
+    text += &line(
+        "frequencies",
+        &format!(
+            "{} from {}, {} apart",
+            analyser.points,
+            hertz(analyser.start_hz),
+            hertz(analyser.step_hz)
+        ),
+    );
+    let sweeps = match experiment.sweeps {
+        0 => "unlimited".to_owned(),
+        sweeps => sweeps.to_string(),
+    };
+    text += &line("sweeps", &sweeps);
+    text += &line("next", "run it with subap capture");
+    Description {
+        text,
+        json: json!({
+            "path": path.display().to_string(),
+            "kind": "experiment",
+            "name": experiment.name,
+            "radio": place,
+            "carriers": { "start_hz": analyser.start_hz, "step_hz": analyser.step_hz, "count": analyser.points },
+            "sweeps": experiment.sweeps,
+            "images": false,
+        }),
+    }
 }

@@ -6,8 +6,7 @@ use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
 
 use crate::args::{Part, PlanFocus};
-use crate::commands::air::Recorded;
-use crate::commands::focus::{summary, tiled};
+use crate::commands::focus::{note_delay, summary, tiled};
 use crate::commands::{forming, surface};
 use crate::config::Session;
 use crate::stages::duration;
@@ -21,11 +20,11 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let model = forming::time_model(&typed.image)?;
     let numerics = typed.image.forming.numerics(model.as_ref());
     let recorded = session.open(&typed.input)?;
-    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
-    let history = air.history();
+    let recorded = forming::without_delay(&typed.image, recorded)?;
+    let history = recorded.history();
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;
-    air.report(session, &grid);
+    note_delay(session, &recorded, &grid);
     let (plan, comparison) =
         tiled::plan_recording(session, &typed.image, history, &grid, numerics)?;
     let text_of_plan = plan.to_text();

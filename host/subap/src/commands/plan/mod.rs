@@ -4,6 +4,9 @@ mod calibrate;
 mod focus;
 mod module;
 mod radar;
+mod radar_pictures;
+mod signal_chain;
+pub(super) mod speed;
 
 use crate::args::{Plan, PlanTarget};
 use crate::config::Session;

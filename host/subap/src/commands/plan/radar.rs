@@ -1,39 +1,39 @@
 //! `subap plan radar`: predicted performance and cost of a collection.
 
 use anyhow::Context;
-use glam::DVec3;
-use num_complex::Complex32;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::{ImageFormer, SCRATCH_BYTES};
-use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::image::Image;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
-use subaperture::phase_history::{Collection, PhaseHistory};
-use subaperture::planner::ambiguity::{Around, MAX_CELLS};
-use subaperture::planner::grating::PointResponse;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::chain::{self, Chain};
 use subaperture::planner::{Parameters, RadarPlan, Request, SubCpis};
-use subaperture::plot::{Colours, HeatMap, Panel, Scale, heat, quicklook};
-use subaperture::radar::{LinkBudget, PulseShape};
+use subaperture::radar::LinkBudget;
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
 
+use super::{radar_pictures, signal_chain, speed};
 use crate::args::PlanRadar;
 use crate::config::{DEFAULT_ERROR_DB, Session};
+use crate::messages;
 use crate::text::{self, Fact, bytes, metres};
 
 /// Names of the pictures.
 const PLOTS: [&str; 2] = ["response.png", "ambiguity.png"];
 
-/// Number of pixels along a side of the picture.
-const PICTURE: usize = 401;
-/// Default pulse length, seconds.
-const DEFAULT_PULSE_S: f64 = 10e-6;
-
 /// Print the plan of a collection.
 pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
+    if typed.keys {
+        return Ok(text::say(chain::reference())?);
+    }
+    if typed.example {
+        return Ok(text::say(chain::example::TEXT)?);
+    }
+    let chain = typed.chain.as_ref();
+    let chain = chain.map(|path| Chain::read_within(path, session.memory_bytes));
+    let chain = chain.transpose()?;
     let collection = if typed.input.files.is_empty() {
-        parameters(typed).collection()?
+        parameters(typed, chain.as_ref()).collection()?
     } else {
         session.open(&typed.input)?.collection().clone()
     };
@@ -54,6 +54,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
         thesis_sub_cpi: typed.sub_cpi,
         beamwidth_rad: typed.beamwidth.map(f64::to_radians),
         power: typed.power.map(link).zip(typed.pulse_length),
+        chain: chain.as_ref(),
     };
     let planning = session.progress("planning");
     let plan = RadarPlan::new(&collection, &request)?;
@@ -61,14 +62,19 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     if let Some(folder) = &typed.plots {
         let mut claims = session.claims(&typed.writing, &typed.input.files);
         claims.folder(folder, PLOTS)?;
-        let response = plot(&collection, &grid, &plan)?;
-        let ambiguity = plot_ambiguity(&pulse(typed, &plan))?;
+        let response = radar_pictures::response(&collection, &grid, &plan)?;
+        let ambiguity = radar_pictures::ambiguity(typed, &plan)?;
         for (name, picture) in PLOTS.iter().zip([response, ambiguity]) {
             files.write_bytes(&folder.join(name), FileKind::Picture, &picture)?;
         }
     }
     let files = files.commit()?;
     planning.finish();
+    if let Some(levels) = &plan.chain {
+        for warning in levels.warnings() {
+            messages::warning(warning);
+        }
+    }
     if session.json() {
         let mut plan = serde_json::to_value(&plan)?;
         plan["files"] = serde_json::json!(files);
@@ -78,17 +84,20 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Parameters of Table 4.1, overridden by options.
-fn parameters(typed: &PlanRadar) -> Parameters {
+/// Parameters of Table 4.1, overridden by options. Sweeps of stepped carriers are back to back unless the PRF is given.
+fn parameters(typed: &PlanRadar, chain: Option<&Chain>) -> Parameters {
     let (pass, table) = (&typed.pass, Parameters::default());
+    let num_frequencies = pass.frequencies.unwrap_or(table.num_frequencies);
+    let carrier_s = chain.and_then(|chain| chain.carrier_s);
+    let swept_hz = carrier_s.map(|carrier_s| 1.0 / (carrier_s * num_frequencies as f64));
     let mut parameters = Parameters {
         carrier_hz: pass.carrier.unwrap_or(table.carrier_hz),
         bandwidth_hz: pass.bandwidth.unwrap_or(table.bandwidth_hz),
-        num_frequencies: pass.frequencies.unwrap_or(table.num_frequencies),
+        num_frequencies,
         range_m: pass.range.unwrap_or(table.range_m),
         grazing_rad: pass.grazing.map_or(table.grazing_rad, f64::to_radians),
         velocity_m_s: pass.velocity.unwrap_or(table.velocity_m_s),
-        prf_hz: pass.prf.unwrap_or(table.prf_hz),
+        prf_hz: pass.prf.or(swept_hz).unwrap_or(table.prf_hz),
         num_pulses: table.num_pulses,
         scene_m: pass.scene.map_or(table.scene_m, |side_m| [side_m; 2]),
     };
@@ -102,91 +111,19 @@ fn parameters(typed: &PlanRadar) -> Parameters {
     parameters
 }
 
-/// Draw `response.png`: response of thesis mode to a scatterer at the centre of `grid`.
-fn plot(collection: &Collection, grid: &ImageGrid, plan: &RadarPlan) -> anyhow::Result<Vec<u8>> {
-    let middle = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
-    let response = PointResponse::new(collection, plan.sub_cpis.thesis_pulses, middle)
-        .context("the frequency axis changes from pulse to pulse: there is no response to draw")?;
-    let axis = |centre: f64, side_m: f64| Axis {
-        start: centre - side_m / 2.0,
-        step: side_m / (PICTURE - 1) as f64,
-        count: PICTURE,
-    };
-    let side_m = 2.0 * plan.aperture.scene_width_m;
-    let shown = ImageGrid::horizontal(axis(middle.x, side_m), axis(middle.y, side_m), middle.z);
-    let value = |point: DVec3| {
-        let value = response.at(point);
-        Complex32::new(value.re as f32, value.im as f32)
-    };
-    let places = (0..PICTURE).flat_map(|row| (0..PICTURE).map(move |column| (row, column)));
-    let image = Image {
-        rows: PICTURE,
-        columns: PICTURE,
-        pixels: places
-            .map(|(row, column)| value(shown.position_m(row, column)))
-            .collect(),
-    };
-    let title = format!(
-        "thesis mode, {} pulses per sub-CPI",
-        plan.sub_cpis.thesis_pulses
-    );
-    let mut panel = Panel::new(&image, &shown, title);
-    panel.scale = Scale::Fixed {
-        top_db: 0.0,
-        span_db: 60.0,
-    };
-    Ok(quicklook(&panel)?)
-}
-
-/// Pulse given by options, or a linear sweep over the band.
-fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
-    typed.pulse.clone().unwrap_or(PulseShape::Lfm {
-        bandwidth_hz: plan.survey.bandwidth_hz,
-        duration_s: typed
-            .pulse_length
-            .unwrap_or(DEFAULT_PULSE_S.min(MAX_CELLS / plan.survey.bandwidth_hz)),
-        rising: true,
-    })
-}
-
-/// Draw `ambiguity.png`, the ambiguity function of the pulse.
-fn plot_ambiguity(shape: &PulseShape) -> anyhow::Result<Vec<u8>> {
-    let around = Around::peak(shape)
-        .map_err(anyhow::Error::msg)
-        .context("no ambiguity.png; choose another --pulse or --pulse-length")?;
-    let microseconds = Axis {
-        start: around.delays_s.start * 1e6,
-        step: around.delays_s.step * 1e6,
-        ..around.delays_s
-    };
-    let kind = match shape {
-        PulseShape::Lfm { .. } => "linear sweep",
-        PulseShape::PhaseCode { .. } => "phase code",
-    };
-    Ok(heat(&HeatMap {
-        values: &around.levels_db,
-        rows: around.dopplers_hz,
-        columns: microseconds,
-        title: format!(
-            "ambiguity of a {kind}, {}, {:.4} us",
-            text::hertz(shape.bandwidth_hz()),
-            shape.duration_s() * 1e6
-        ),
-        across_label: "delay (us)".to_owned(),
-        up_label: "Doppler (Hz)".to_owned(),
-        unit: "dB".to_owned(),
-        range: (-50.0, 0.0),
-        colours: Colours::default(),
-        proportional: false,
-    })?)
-}
-
 fn to_text(plan: &RadarPlan) -> String {
     let mut facts = resolution_facts(plan);
     facts.extend(sampling_facts(plan));
     facts.extend(sub_cpi_facts(plan));
     facts.extend(echo_facts(plan));
+    if let Some(sweep) = &plan.sweep {
+        facts.extend(speed::facts(sweep, true));
+    }
     let mut lines = text::facts(&facts);
+    if let Some(levels) = &plan.chain {
+        lines.push(String::new());
+        lines.extend(signal_chain::tables(levels));
+    }
     if !plan.sub_cpis.thesis_lobes.is_empty() {
         lines.push(String::new());
         lines.push(lobes_table(&plan.sub_cpis));

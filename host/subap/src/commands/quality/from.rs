@@ -73,7 +73,7 @@ fn unchanged_motion(path: &str, inputs: &Value) -> anyhow::Result<Displacement> 
     if !inputs.any(|input| *input == found) {
         bail!(
             "{path}: the image was formed with another motion of the target (the checksum of this file is {}): give the same file",
-            file.crc32
+            file.identity.text()
         );
     }
     Ok(target_csv::read(Path::new(path))?)

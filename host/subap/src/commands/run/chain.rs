@@ -78,7 +78,7 @@ pub(super) fn chain(text: &JobText, job: &Job, inputs: &[InputFile]) -> anyhow::
         .map(|input| FileStamp {
             path: input.path.display().to_string(),
             bytes: input.bytes,
-            crc32: input.crc32.clone(),
+            crc32: input.identity.text().to_owned(),
         })
         .collect();
     let mut chain: Vec<Link> = Vec::new();

@@ -152,6 +152,7 @@ fn focus(sections: Sections, autofocus: Option<&Autofocus>, out: &Path, writing:
         track: track.map(TrackSource::File),
         logs: Logs::default(),
         phase,
+        gmti: None,
         check: None,
         device: DeviceChoice::Cpu,
         tiled: Tiled {

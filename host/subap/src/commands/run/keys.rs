@@ -127,6 +127,8 @@ fn former_section() -> Vec<Rule> {
     let mut rules = former_rules();
     rules.extend([
         Rule::new("squint").kind(ValueType::Quantity(Dimension::Angle, Bounds::Any)),
+        Rule::new("doppler_band").kind(ValueType::Quantity(Dimension::Frequency, Bounds::Positive)),
+        Rule::new("doppler_centroid").kind(ValueType::Quantity(Dimension::Frequency, Bounds::Any)),
         Rule::new("velocity").kind(ValueType::Vector(Dimension::Speed)),
     ]);
     rules

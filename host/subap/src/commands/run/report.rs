@@ -18,10 +18,10 @@ use subaperture::phase_history::InputFile;
 use super::chain::{Link, REPORT, Stage};
 use super::job::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
 use super::keys;
-use super::page::{Cells, Page, Row, escaped};
 use super::tables::{self, decibels, seconds, words};
 use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, StageOutcome, Worker};
 use crate::config::Session;
+use crate::html::{Cells, Page, Row, escaped};
 use crate::{log, text};
 
 /// File name of the report.
@@ -335,12 +335,16 @@ impl Report<'_> {
                         escaped(&input.path.display().to_string())
                     ),
                     input.bytes.to_string(),
-                    format!("<code>{}</code>", input.crc32),
+                    format!("<code>{}</code>", escaped(input.identity.text())),
                 ];
                 ("", cells)
             })
             .collect();
-        page.table(Cells::Numbers, &["file", "bytes", "CRC-32"], &rows);
+        page.table(
+            Cells::Numbers,
+            &["file", "bytes", "CRC-32 or version"],
+            &rows,
+        );
         let resolved = image["settings"]["resolved"].as_object();
         let rows: Vec<Row> = resolved
             .into_iter()

@@ -8,10 +8,11 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use subaperture::describe::error::Fault;
 use subaperture::job::JobText;
+use subaperture::terrain::{Geoid, PixelSurface};
 
 use crate::args::{
-    AutofocusSettings, Forming, GeoidSource, GridSettings, Input, Logs, Look, Points, Producing,
-    SurfaceKind, TargetMotion, defaults,
+    AutofocusSettings, Forming, GridSettings, Input, Logs, Look, Points, Producing, TargetMotion,
+    defaults,
 };
 
 /// Keys of the top level.
@@ -170,6 +171,15 @@ impl Sections {
             let fault = "'squint' needs 'beam': write for example beam = \"auto\"";
             faults.push(values.section("former").fault("squint", fault));
         }
+        let forming = &self.former.forming;
+        if forming.doppler_centroid.is_some() && forming.doppler_band.is_none() {
+            let fault = "'doppler_centroid' needs 'doppler_band': write for example doppler_band = \"1 kHz\"";
+            faults.push(values.section("former").fault("doppler_centroid", fault));
+        }
+        if forming.doppler_band.is_some() && forming.beam.is_some() {
+            let fault = "give either beam or doppler_band, not both";
+            faults.push(values.section("former").fault("doppler_band", fault));
+        }
         faults
     }
 
@@ -182,14 +192,14 @@ impl Sections {
         for path in paths.chain(of_track).chain(&mut self.former.target.motion) {
             *path = job.path(&path);
         }
-        if let SurfaceKind::Dem(path) = &mut self.grid.surface {
+        if let PixelSurface::Dem(path) = &mut self.grid.surface {
             *path = job.path(&path);
         }
         // A number is the name of a file if there is one.
         if let Some(text) = job.values().section("grid").key::<Option<String>>("geoid") {
             let path = job.path(text);
-            if path.exists() || matches!(self.grid.geoid, Some(GeoidSource::File(_))) {
-                self.grid.geoid = Some(GeoidSource::File(path));
+            if path.exists() || matches!(self.grid.geoid, Some(Geoid::File(_))) {
+                self.grid.geoid = Some(Geoid::File(path));
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::page::{Cells, Page, Row, escaped};
+use crate::html::{Cells, Page, Row, escaped};
 use crate::text;
 
 /// Measured error, predicted error and bound.

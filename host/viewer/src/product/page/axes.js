@@ -110,6 +110,11 @@ let framing = 0;
 function redrawFrame() { cancelAnimationFrame(framing); framing = requestAnimationFrame(drawFrame); }
 map.on("move zoom viewreset", redrawFrame);
 map.on("resize", drawFrame);
-// The map also changes its size with the lines of the header.
-new ResizeObserver(() => map.invalidateSize({ animate: false })).observe(map.getContainer());
+// The map also changes its size with the lines of the header. Its centre stays: Leaflet would move it by a fraction of a pixel.
+new ResizeObserver(() => {
+  if (!view.placed) { map.invalidateSize({ pan: false }); return; }
+  const centre = map.getCenter(), zoom = map.getZoom();
+  map.invalidateSize({ pan: false });
+  map.setView(centre, zoom, { animate: false, reset: true });
+}).observe(map.getContainer());
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawFrame);

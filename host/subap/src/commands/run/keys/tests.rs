@@ -57,6 +57,7 @@ fn every_example_of_the_example_is_valid() {
             // Keys that others need.
             lines.extend(match (&*section.path, key.name) {
                 ("former", "squint") => Some("beam = \"auto\"".to_owned()),
+                ("former", "doppler_centroid") => Some("doppler_band = \"1 kHz\"".to_owned()),
                 ("track", "navigation_start" | "lever_arm") => {
                     Some("navigation = \"a.log\"".to_owned())
                 }

@@ -36,7 +36,7 @@ ul { padding-left: 1.2rem; margin: .4rem 0 }
 ";
 
 /// Escape text for HTML.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
@@ -44,14 +44,14 @@ pub(super) fn escaped(text: &str) -> String {
 }
 
 /// A page as it grows.
-pub(super) struct Page {
+pub(crate) struct Page {
     html: String,
     open: bool,
 }
 
 /// How a table's cells are set.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Cells {
+pub(crate) enum Cells {
     /// To the right but the first.
     Numbers,
     /// Left-aligned cells of text.
@@ -59,11 +59,11 @@ pub(super) enum Cells {
 }
 
 /// A row of a table: its cells, as HTML, and its class.
-pub(super) type Row = (&'static str, Vec<String>);
+pub(crate) type Row = (&'static str, Vec<String>);
 
 impl Page {
     /// Begins a page of this title.
-    pub(super) fn new(title: &str) -> Self {
+    pub(crate) fn new(title: &str) -> Self {
         let title = escaped(title);
         Self {
             html: format!(
@@ -77,7 +77,7 @@ impl Page {
     }
 
     /// Begin a section of the page.
-    pub(super) fn section(&mut self, id: &str, title: &str) {
+    pub(crate) fn section(&mut self, id: &str, title: &str) {
         self.close();
         self.open = true;
         let _ = write!(
@@ -94,12 +94,12 @@ impl Page {
     }
 
     /// A paragraph, of HTML.
-    pub(super) fn paragraph(&mut self, class: &str, html: &str) {
+    pub(crate) fn paragraph(&mut self, class: &str, html: &str) {
         let _ = writeln!(self.html, "<p class=\"{class}\">{html}</p>");
     }
 
     /// Facts, each a name and text.
-    pub(super) fn facts(&mut self, facts: &[(&str, String)]) {
+    pub(crate) fn facts(&mut self, facts: &[(&str, String)]) {
         self.html.push_str("<dl class=\"facts\">\n");
         for (name, value) in facts {
             let (name, value) = (escaped(name), escaped(value));
@@ -109,7 +109,7 @@ impl Page {
     }
 
     /// A list of texts.
-    pub(super) fn list(&mut self, items: &[String]) {
+    pub(crate) fn list(&mut self, items: &[String]) {
         self.html.push_str("<ul>\n");
         for item in items {
             let _ = writeln!(self.html, "<li>{}</li>", escaped(item));
@@ -118,7 +118,7 @@ impl Page {
     }
 
     /// A table; cells are HTML.
-    pub(super) fn table(&mut self, cells: Cells, header: &[&str], rows: &[Row]) {
+    pub(crate) fn table(&mut self, cells: Cells, header: &[&str], rows: &[Row]) {
         let class = match cells {
             Cells::Numbers => "",
             Cells::Words => " class=\"words\"",
@@ -143,7 +143,7 @@ impl Page {
     }
 
     /// Row of pictures: PNG and caption.
-    pub(super) fn pictures(&mut self, pictures: &[(Vec<u8>, String)]) {
+    pub(crate) fn pictures(&mut self, pictures: &[(Vec<u8>, String)]) {
         self.html.push_str(match pictures.len() {
             1 => "<div>\n",
             _ => "<div class=\"row\">\n",
@@ -160,7 +160,7 @@ impl Page {
     }
 
     /// Close the page and return its HTML.
-    pub(super) fn finish(mut self) -> String {
+    pub(crate) fn finish(mut self) -> String {
         self.close();
         self.html.push_str("</body>\n</html>\n");
         self.html
