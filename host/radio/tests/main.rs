@@ -10,5 +10,6 @@ mod profile;
 mod rail;
 mod recordings;
 mod rig;
+mod scatterers;
 mod scene;
 mod walk;

@@ -40,7 +40,7 @@ pub(crate) fn calibration(folder: &TempDir) -> Calibration {
                 setup,
                 &sweeps[0],
                 &sweeps[1],
-                half_path_m(5.0),
+                &[half_path_m(5.0)],
                 3.0,
             );
             return made.unwrap();

@@ -140,7 +140,7 @@ fn calibrated_profiles_of_two_receivers_have_correct_range_zero_and_phase() {
         sky.setup(),
         &sky_steps,
         &mark_steps,
-        mark_m,
+        &[mark_m],
         0.6,
     )
     .unwrap();

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 use std::iter;
+use std::time::Duration;
 
 use num_complex::{Complex32, Complex64};
 use subaperture_core::sweep::{Profiler, Setup};
@@ -33,6 +34,9 @@ pub(super) const MODULE: [Item; 1] = [Item {
 const PERIOD: usize = 8;
 const CARRIERS: usize = 50;
 const BINS: usize = 128;
+
+/// Longest time for an answer of the emulated module.
+const EMULATOR_LIMIT: Duration = Duration::from_secs(60);
 
 /// Bursts of one sweep.
 struct OneSweep(Vec<SweepBurst>);
@@ -74,7 +78,12 @@ fn emulated(
         return Ok(None);
     };
     let mut buffers = Buffers::new();
-    let settings = Settings::default();
+    // The emulator's line loses no bytes. A repeated request would only be answered twice by a slow emulator.
+    let settings = Settings {
+        answer: EMULATOR_LIMIT,
+        idle: EMULATOR_LIMIT,
+        ..Settings::default()
+    };
     let mut session = Session::open(&mut *line, &mut buffers, settings, &mut Silent)
         .map_err(|error| failed(&error))?;
     let mut source = OneSweep(bursts.to_vec());

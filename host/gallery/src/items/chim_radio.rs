@@ -164,7 +164,7 @@ fn calibration(plan: &plan::Plan) -> Result<Calibration, ItemError> {
     };
     let ([sky, _], _) = of(&sky)?;
     let ([reflector, _], _) = of(&lone)?;
-    Calibration::measure("", &setup, &sky, &reflector, RANGES_M[1], 2.0)
+    Calibration::measure("", &setup, &sky, &reflector, &[RANGES_M[1]], 2.0)
         .map_err(|error| failed(&error))
 }
 

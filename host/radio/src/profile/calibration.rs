@@ -1,7 +1,8 @@
 //! Calibration of cables, channels and the empty scene, stored in a file with its date.
 //!
-//! A calibration needs two captures: one of the empty scene (the sky), and one with a reflector at a position measured
-//! by tape.
+//! A calibration needs two captures: one of the empty scene (the sky), and one with reflectors at positions measured
+//! by tape or laser. Their ranges are estimated together with those of all other echoes ([`Sweep::scatterers`]), so
+//! that side lobes do not displace them.
 //!
 //! **Loopback reference.** The sky capture contains the leakage from antenna to antenna. With the sky's response `s_n`,
 //! and the reflector's echo `a exp(-j 2 pi f_n (2 R / c + d))` in the difference,
@@ -10,9 +11,9 @@
 //! calibrated z_n = (z_n - s_n) exp(+j 2 pi f_n d) / a
 //! ```
 //!
-//! so that ranges start at the tape's zero, and amplitudes are relative to that reflector. `d` is the delay of the
-//! antenna cables minus that of the loopback cable. `a` is read at the peak, and so contains the channels' gains and
-//! phases. Subtracting the sky requires that its leakage has not changed.
+//! so that ranges start at the tape's zero, and amplitudes are relative to the first reflector. With several reflectors, `d` is their
+//! mean, and the residuals show errors of the survey. `d` is the delay of the
+//! antenna cables minus that of the loopback cable. `a` contains the channels' gains and phases. Subtracting the sky requires that its leakage has not changed.
 //!
 //! **Leakage reference.** The sky capture is the frequency response of the leakage in both receivers
 //! ([`super::leakage::Leakage::shapes`]), with phases such that receiver 0's response has the delay given by the
@@ -42,14 +43,13 @@ use subaperture_io::input::open_file;
 use subaperture_io::json::{self, Limits};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::phasor;
-use subaperture_signal::window::Window;
 
 use super::error::{CalibrationError, ProfileError};
 use super::fits::differs;
 use super::gaps;
 use super::leakage::{Leakage, MAX_REACH, Solver};
+use super::receiver::Receiver;
 use super::sweep::{Steps, Sweep};
-use super::transform::Peak;
 use crate::antennas::{Antennas, Reference};
 use crate::sigmf::Setup;
 
@@ -71,75 +71,10 @@ pub struct Calibration {
     pub receivers: Vec<Receiver>,
 }
 
-/// Calibration of one receiver.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Receiver {
-    /// Delay to subtract, seconds.
-    pub delay_s: f64,
-    /// Complex amplitude of the reflector, real and imaginary parts.
-    pub amplitude: [f64; 2],
-    /// Response of the empty scene at each carrier, real and imaginary parts.
-    pub sky: Vec<[f64; 2]>,
-}
-
-impl Receiver {
-    /// Calibrate a receiver with a sweep from which the sky is subtracted. The reflector's path from transmitter to
-    /// reflector to receiver is `path_m`; its echo is the strongest within `search_m` of half that path.
-    fn of(
-        sweep: &Sweep,
-        sky: &[Complex64],
-        path_m: f64,
-        search_m: f64,
-        reach_m: f64,
-    ) -> Result<Self, ProfileError> {
-        let range_m = 0.5 * path_m;
-        let profile = sweep.profile(Window::default(), 32, reach_m)?;
-        let near = |peak: &Peak| (peak.range_m - range_m).abs() <= search_m;
-        let peaks = profile.peaks(0.0).into_iter().filter(near);
-        let strongest = peaks.max_by(|a, b| a.magnitude.total_cmp(&b.magnitude));
-        let Some(peak) = strongest.filter(|peak| peak.magnitude > 0.0) else {
-            return Err(CalibrationError::NotSeen { range_m }.into());
-        };
-        let delay_s = 2.0 * (peak.range_m - range_m) / SPEED_OF_LIGHT_M_S;
-        // Total delay of the echo. After its phase is removed, all carriers are in phase at the peak, and their
-        // weighted mean is the amplitude.
-        let late_s = path_m / SPEED_OF_LIGHT_M_S + delay_s;
-        let values = sweep.filled(reach_m)?;
-        let weights = Window::default().weights(values.len());
-        let in_phase = values
-            .iter()
-            .zip(&weights)
-            .enumerate()
-            .map(|(n, (z, weight))| z * phasor(sweep.frequency_hz(n) * late_s) * weight);
-        let amplitude = in_phase.sum::<Complex64>() / weights.iter().sum::<f64>();
-        Ok(Self {
-            delay_s,
-            amplitude: [amplitude.re, amplitude.im],
-            sky: sky.iter().map(|z| [z.re, z.im]).collect(),
-        })
-    }
-
-    /// Response of the empty scene at each carrier.
-    fn sky(&self) -> impl Iterator<Item = Complex64> {
-        self.sky.iter().map(|z| Complex64::new(z[0], z[1]))
-    }
-
-    fn corrected(&self, sweep: &Sweep) -> Sweep {
-        let amplitude = Complex64::new(self.amplitude[0], self.amplitude[1]);
-        let value = |(n, value): (usize, &Option<Complex64>)| {
-            value.map(|z| z * phasor(sweep.frequency_hz(n) * self.delay_s) / amplitude)
-        };
-        Sweep {
-            values: sweep.values.iter().enumerate().map(value).collect(),
-            ..sweep.clone()
-        }
-    }
-}
-
 impl Calibration {
-    /// Measure a calibration with a loopback reference from a sweep of the sky and a sweep with a reflector. `range_m`
-    /// is half the path from transmitter to reflector to receiver. The strongest echo within `search_m` of it is used;
-    /// the delay of the cables must be smaller than that.
+    /// Measure a calibration with a loopback reference from a sweep of the sky and a sweep with reflectors. `ranges_m`
+    /// are half the paths from transmitter to reflector to receiver. The delay of the cables must be smaller than
+    /// `search_m`: of all delays at which every reflector has an echo, that of the strongest echoes is used.
     ///
     /// # Errors
     /// If a sweep has too many gaps, or the reflector is not visible.
@@ -148,7 +83,7 @@ impl Calibration {
         setup: &Setup,
         sky: &Sweep,
         reflector: &Sweep,
-        range_m: f64,
+        ranges_m: &[f64],
         search_m: f64,
     ) -> Result<Self, ProfileError> {
         let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
@@ -162,11 +97,11 @@ impl Calibration {
         Ok(Self {
             date: date.to_owned(),
             setup: setup.clone(),
-            receivers: vec![Receiver::of(&echo, &sky, 2.0 * range_m, search_m, reach_m)?],
+            receivers: vec![Receiver::of(&echo, &sky, ranges_m, search_m, reach_m)?],
         })
     }
 
-    /// Measure a calibration with a leakage reference from the steps of the sky and of a reflector at `place_m` in body
+    /// Measure a calibration with a leakage reference from the steps of the sky and of reflectors at `places_m` in body
     /// axes, metres.
     ///
     /// # Errors
@@ -177,7 +112,7 @@ impl Calibration {
         setup: &Setup,
         sky: &Steps,
         reflector: &Steps,
-        place_m: DVec3,
+        places_m: &[DVec3],
         search_m: f64,
     ) -> Result<Self, ProfileError> {
         let Some(antennas) = setup.antennas else {
@@ -194,10 +129,12 @@ impl Calibration {
         };
         let found = Solver::new(leakage, setup.step_hz, setup.steps, reach_m)?.solve(reflector)?;
         let receiver = |i: usize| {
-            let path_m = place_m.distance(antennas.transmitter_m)
-                + place_m.distance(antennas.receivers_m[i]);
+            let legs = |place_m: &DVec3| {
+                place_m.distance(antennas.transmitter_m) + place_m.distance(antennas.receivers_m[i])
+            };
+            let ranges_m: Vec<f64> = places_m.iter().map(|place_m| 0.5 * legs(place_m)).collect();
             let reach_m = 0.75 * unambiguous_m;
-            Receiver::of(&found.sweeps[i], &shapes[i], path_m, search_m, reach_m)
+            Receiver::of(&found.sweeps[i], &shapes[i], &ranges_m, search_m, reach_m)
         };
         Ok(Self {
             date: date.to_owned(),

@@ -31,12 +31,16 @@ mod fits;
 pub mod gaps;
 pub mod leakage;
 mod ranging;
+mod receiver;
+mod scatterers;
 mod sweep;
 mod transform;
 
-pub use calibration::{Calibration, Receiver};
+pub use calibration::Calibration;
 pub use error::{CalibrationError, ProfileError};
 pub use ranging::{Options, Ranging};
+pub use receiver::{Receiver, Reflector};
+pub use scatterers::Scatterer;
 pub use sweep::{Steps, Sweep};
 pub use transform::{Peak, Profile};
 

@@ -123,19 +123,19 @@ pub(crate) struct Calibrate {
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) sky: PathBuf,
 
-    /// Capture with the same set-up of one reflector, stronger than all other echoes near it
+    /// Capture with the same set-up of one or more reflectors, stronger than all other echoes near them
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) reflector: PathBuf,
 
-    /// Reflector's surveyed range from the range origin, metres; for a loop as the reference
+    /// Reflector's surveyed range from the range origin, metres; for a loop as the reference. Repeated for each reflector
     #[arg(long, value_name = "METRES", value_parser = above_zero(Dimension::Length), required_unless_present = "at")]
-    pub(crate) range: Option<f64>,
+    pub(crate) range: Vec<f64>,
 
-    /// Reflector's position in the axes of the section antennas, metres; for the leakage as the reference
+    /// Reflector's position in the axes of the section antennas, metres; for the leakage as the reference. Repeated for each reflector
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector(Dimension::Length), conflicts_with = "range")]
-    pub(crate) at: Option<DVec3>,
+    pub(crate) at: Vec<DVec3>,
 
-    /// Largest range offset of the reflector by cables, metres
+    /// Largest range offset of the reflectors by cables, metres
     #[arg(long, value_name = "METRES", default_value_t = 5.0, value_parser = above_zero(Dimension::Length))]
     pub(crate) search: f64,
 
