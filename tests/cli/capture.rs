@@ -52,7 +52,7 @@ fn assert_thesis(folder: &Path, recording: &str, sweep: u64) {
         "profile {recording} --sweep {sweep} --calibration calibration.json --window kaiser:7 --reach 25 --json"
     );
     let result = json(&run(folder, &line));
-    let peaks = result["peaks"].as_array().unwrap();
+    let peaks = result["scatterers"].as_array().unwrap();
     assert_eq!(peaks.len(), 3, "{peaks:?}");
     for (peak, range_m) in peaks.iter().zip([1.0, 6.3, 16.0f64]) {
         let half_path_m = 0.5 * (range_m + range_m.hypot(0.1));
@@ -95,7 +95,7 @@ fn experiment_is_captured_calibrated_profiled_and_replayed() {
     // At least 13 dB lower and without a consistent position: phases are random.
     let strongest = |more: &str| {
         let result = json(&run(at, &format!("profile walk.sigmf-meta {more} --json")));
-        let levels = result["peaks"].as_array().unwrap();
+        let levels = result["scatterers"].as_array().unwrap();
         levels
             .iter()
             .map(|peak| peak["level_db"].as_f64().unwrap())
@@ -268,7 +268,7 @@ fn killed_capture_opens_with_all_complete_steps() {
     let ran = run(at, "profile killed --sweep 1 --json");
     assert!(ran.stderr.contains("warning: the capture was killed"));
     // Uncalibrated: the three objects, and the leakage, which the longer loopback cable shifts below zero and so to the far end.
-    let peaks = json(&ran)["peaks"].as_array().unwrap().len();
+    let peaks = json(&ran)["scatterers"].as_array().unwrap().len();
     assert_eq!(peaks, 4);
 }
 

@@ -126,6 +126,7 @@ fn profiles_match_host() {
         receive_antennas: ["A".to_owned(), "B".to_owned()],
         reference: Default::default(),
         antennas: None,
+        reach_m: None,
     };
     let mut writer = Writer::create(&path, setup).unwrap();
     for burst in scene.bursts(0) {

@@ -257,6 +257,7 @@ pub fn setup(about: &About, plan: &Plan, set: &Configuration) -> Setup {
         receive_antennas: set.receive_antennas.clone(),
         reference: plan.reference,
         antennas: plan.antennas,
+        reach_m: None,
     }
 }
 

@@ -30,6 +30,7 @@ fn setup() -> Setup {
         transmit_gain_db: 60.0,
         receive_gain_db: [40.0; 2],
         receive_antennas: plan.radio.receive_antennas,
+        reach_m: None,
         reference: plan.reference,
         antennas: plan.antennas,
     }

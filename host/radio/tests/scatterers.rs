@@ -125,3 +125,18 @@ fn missing_carriers_cause_no_bias() {
         assert!((one.range_m - range_m).abs() < 1e-8, "{one:?}");
     }
 }
+
+/// An echo that arrives before the reference, and one beyond the reach: both are stated before range zero.
+#[test]
+fn echoes_beyond_the_reach_have_negative_ranges() {
+    let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * STEP_HZ);
+    let sweep = response(&[(-2.0, 1.0), (6.3, 0.5), (31.0, 0.4)], 0.0, 3);
+    let found = sweep.scatterers(40.0, 30.0).unwrap();
+    let expected = [(31.0 - unambiguous_m, 0.4), (-2.0, 1.0), (6.3, 0.5)];
+    assert_eq!(found.len(), 3, "{found:?}");
+    for (one, (range_m, amplitude)) in found.iter().zip(expected) {
+        assert!((one.range_m - range_m).abs() < 1e-8, "{one:?}");
+        assert!((one.amplitude.norm() - amplitude).abs() < 1e-6, "{one:?}");
+    }
+    assert!((found[1].amplitude - 1.0).norm() < 1e-6, "{found:?}");
+}

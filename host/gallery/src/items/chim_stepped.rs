@@ -13,6 +13,7 @@ use subaperture_model::geometry::Axis;
 use subaperture_model::phase_history::{Band, PhaseHistory};
 use subaperture_model::radar::{LinkBudget, Pattern, Reference, ThermalNoise, Waveform};
 use subaperture_plot::{Chart, Curve, Stroke, lines};
+use subaperture_radio::profile::{PointScatterer, ProfileError, Sweep};
 use subaperture_signal::window::Window;
 use subaperture_simulate::engine::Method;
 use subaperture_simulate::receiver::thermal::snr_db;
@@ -29,6 +30,9 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 
 /// Ranges from the radar at `(0, -6.3, 0)` to near wall, corner reflector and far wall, metres.
 pub(super) const RANGES_M: [f64; 3] = [1.0, 6.3, 16.0];
+
+/// Precision of the laser range finder that verified them, metres.
+pub(super) const LASER_M: f64 = 0.01;
 
 /// These ranges as printed in the thesis.
 pub(super) const PRINTED_M: [&str; 3] = ["1", "6.3", "16"];
@@ -143,6 +147,24 @@ impl Profile {
     }
 }
 
+/// Range of the corner reflector, estimated together with the other echoes.
+pub(super) fn joint_m(sweep: &Sweep, reach_m: f64) -> Result<f64, ProfileError> {
+    let off = |one: &PointScatterer| (one.range_m - RANGES_M[1]).abs();
+    let all = sweep.scatterers(40.0, reach_m)?;
+    let nearest = all.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+    Ok(nearest.map_or(f64::NAN, |one| one.range_m))
+}
+
+/// Check of [`joint_m`] by the laser's precision.
+pub(super) fn joint_check(range_m: f64) -> Check {
+    Check::claim(
+        "corner reflector, estimated together with the walls",
+        "verified by a laser range finder of 0.01 m",
+        format!("{range_m:.3} m"),
+        (range_m - RANGES_M[1]).abs() <= LASER_M,
+    )
+}
+
 /// Recorded pulse and its band.
 fn recorded(experiment: &Experiment) -> Result<(Vec<Complex32>, Band), ItemError> {
     let pair = Pair {
@@ -223,6 +245,17 @@ fn profile(_: &Context) -> Result<Finding, ItemError> {
     let (plain, hamming) = (of(&scene, Window::None), of(&scene, Window::Hamming));
     let alone_m = of(&lone, Window::None).peak_m(RANGES_M[1]);
     let mut checks = sizes_and_peaks(&band, &plain);
+    let sweep = Sweep {
+        start_hz: band.start_hz,
+        step_hz: band.step_hz,
+        values: (scene.iter())
+            .map(|z| Some(Complex64::new(z.re.into(), z.im.into())))
+            .collect(),
+        times_s: vec![0.0; band.count],
+    };
+    let joint =
+        joint_m(&sweep, longest_m).map_err(|error| ItemError::Measure(error.to_string()))?;
+    checks.push(joint_check(joint));
     let far_db = plain.level_db(15.5, 16.5);
     let behind = [&plain, &hamming].map(|p| p.level_db(19.0, 30.0) - p.level_db(15.5, 16.5));
     checks.push(Check::claim(

@@ -1,17 +1,15 @@
-//! Capture of chirp bursts: recording and pulse compression in real time.
+//! Capture of chirp bursts: recording and frequency response of each burst.
 //!
-//! One thread does everything: between bursts the radio waits for the disk and for the consumer of the profiles. Bursts
-//! are timed, so that no sample is lost while it waits. Memory: one burst of both channels, and the compressor's
-//! buffers.
+//! One thread does everything: between bursts the radio waits for the disk and for the consumer of the responses. Bursts
+//! are timed, so that no sample is lost while it waits. Memory: one burst of both channels.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Plan;
-use super::compress::{ChirpProfile, Compressor, Replica};
 use crate::antennas::Reference;
 use crate::capture::CaptureError;
-use crate::error::RadioError;
+use crate::profile::{ChirpResponse, Sweep};
 use crate::sigmf::{Flag, Setup, Step, Writer};
 use crate::transceiver::{Burst, Configuration, Sample, Side, Transceiver};
 
@@ -20,7 +18,7 @@ use crate::transceiver::{Burst, Configuration, Sample, Side, Transceiver};
 pub struct ChirpSummary {
     /// Number of bursts captured.
     pub bursts: u64,
-    /// Pulses compressed, and pulses skipped because of lost samples.
+    /// Pulses used, and pulses skipped because of lost samples. The first pulse of a burst is not used.
     pub pulses: [u64; 2],
     /// Bursts flagged late, with lost samples, clipped.
     pub flagged: [u64; 3],
@@ -30,22 +28,20 @@ pub struct ChirpSummary {
     pub set: Configuration,
 }
 
-/// Send the bursts of a plan, record them to `path` if given, and call `emit` with the burst index and profile of each
-/// pulse, until the plan is complete or `stop` is set.
+/// Send the bursts of a plan, record them to `path` if given, and call `emit` with index and frequency response of each
+/// burst, until the plan is complete or `stop` is set.
 ///
 /// # Errors
 /// If the plan does not fit the radio, or the radio or the disk fails. The recording up to then is complete.
 pub fn capture(
     radio: &mut dyn Transceiver,
     plan: &Plan,
-    replica: Replica,
     path: Option<&Path>,
-    emit: &mut dyn FnMut(u64, &ChirpProfile<'_>),
+    emit: &mut dyn FnMut(u64, Sweep),
     stop: &AtomicBool,
 ) -> Result<ChirpSummary, CaptureError> {
     plan.check(&radio.about().ranges)?;
     let set = radio.configure(&plan.radio)?;
-    let compressor = Compressor::new(plan, replica).map_err(RadioError::Unsupported)?;
     let setup = setup(radio, plan, &set);
     let writer = path
         .map(|path| Writer::create(path, setup.clone()))
@@ -53,7 +49,6 @@ pub fn capture(
     let mut engine = Engine {
         plan,
         setup,
-        compressor,
         writer,
         summary: ChirpSummary {
             bursts: 0,
@@ -64,7 +59,6 @@ pub fn capture(
         },
     };
     let ended = engine.bursts(radio, emit, stop);
-    engine.summary.pulses[1] = engine.compressor.left_out();
     // Close the recording even after an error.
     let finished = engine.writer.map_or(Ok(()), Writer::finish);
     ended?;
@@ -75,7 +69,6 @@ pub fn capture(
 struct Engine<'a> {
     plan: &'a Plan,
     setup: Setup,
-    compressor: Compressor,
     writer: Option<Writer>,
     summary: ChirpSummary,
 }
@@ -84,7 +77,7 @@ impl Engine<'_> {
     fn bursts(
         &mut self,
         radio: &mut dyn Transceiver,
-        emit: &mut dyn FnMut(u64, &ChirpProfile<'_>),
+        emit: &mut dyn FnMut(u64, Sweep),
         stop: &AtomicBool,
     ) -> Result<(), CaptureError> {
         let (plan, summary) = (self.plan, &mut self.summary);
@@ -115,15 +108,15 @@ impl Engine<'_> {
             for (count, flag) in summary.flagged.iter_mut().zip(counted) {
                 *count += u64::from(step.flags.contains(&flag));
             }
+            let mut response = ChirpResponse::new(&self.setup);
+            response.add(&step, both);
             if let Some(writer) = &mut self.writer {
                 writer.append(step, both)?;
             }
-            self.compressor.begin();
-            let (index, compressed) = (summary.bursts, &mut summary.pulses[0]);
-            self.compressor.push(both, &received.lost, &mut |profile| {
-                *compressed += 1;
-                emit(index, profile);
-            });
+            for (all, new) in summary.pulses.iter_mut().zip(response.pulses()) {
+                *all += new;
+            }
+            emit(summary.bursts, response.sweep());
             summary.bursts += 1;
         }
         Ok(())
@@ -147,5 +140,6 @@ fn setup(radio: &dyn Transceiver, plan: &Plan, set: &Configuration) -> Setup {
         receive_antennas: set.receive_antennas.clone(),
         reference: Reference::Loopback,
         antennas: None,
+        reach_m: Some(plan.reach_m),
     }
 }

@@ -1,39 +1,24 @@
-//! Pulsed chirp (LFM) radar at one carrier, with a matched filter; Chim 2018, 5.4, at 1.2 GHz and 20.48 MS/s.
+//! Pulsed chirp (LFM) radar at one carrier; Chim 2018, 5.4, at 1.2 GHz and 20.48 MS/s.
 //!
 //! ```text
 //! plan ──> Plan::waveform ── repeated in a burst ──> Transceiver ── two channels ──┬─> sigmf::Writer
-//!                                                                                  └─> Compressor ─ per pulse ─> ChirpProfile
+//!                                                                                  └─> ChirpResponse ─ per burst ─> Sweep
 //! ```
 //!
 //! A period is a chirp of `N` samples followed by silence up to `P` samples, and is repeated for each pulse of a burst.
-//! For pulse `p`, with `x_0` the reference, `x_1` the echo and `r` the replica,
+//! Channel 0 is the reference, a loop from the transmitter; channel 1 is the echo. The spectrum of the echo is divided by
+//! that of the reference ([`crate::profile::ChirpResponse`]), which cancels the chirp with its distortion and the phases
+//! of the synthesisers. Ranges are relative to the delay of the reference path. C multiplies by the conjugate of a copy
+//! of the transmitted chirp instead, which leaves its distortion in the profile, and calls it "stretch processing".
 //!
-//! ```text
-//! y_c[l] = sum_i x_c[p P + i + l] conj(r[i]) / sum_i |r[i]|^2          range (l - l_0) c / (2 rate)
-//! profile[l] = y_1[l] / a_0
-//! ```
+//! The resolution is `c / (2 B)` over 0.8 of the bandwidth.
 //!
-//! - [`Replica::Ideal`]: `r` is the computed chirp. `l_0` is the interpolated position of the peak of `|y_0|`, and
-//!   `a_0` is `y_0` there.
-//! - [`Replica::Reference`]: `r` is the reference channel of the same pulse. It contains the distortion of the chirp by
-//!   amplifiers and filters, and the reference's noise. `l_0` is 0 and `a_0` is 1.
-//!
-//! With either replica the synthesisers' phases cancel, since they are common to both channels. Ranges are relative to
-//! the delay of the reference path. A scatterer with delay `tau` relative to it appears with its amplitude over the
-//! reference's, times `exp(-j 2 pi f tau)` with `f` the carrier. The resolution is `c / (2 B)`. No window is applied:
-//! the sidelobes are at -13 dB. C calls the same processing "stretch processing".
-//!
-//! Neglected: an LO offset of `d` hertz between the synthesisers moves a peak by `d c / (2 B / T)` and turns the phase
-//! over a chirp of duration `T`; 400 Hz in 50 us is 0.02 turns. Ranges beyond `P` samples are ambiguous. The first
-//! echoes of a burst are weaker where they arrive after the chirp's start.
-//!
-//! **Recordings** are written by [`crate::sigmf`], one burst per step with a single carrier and `period` the samples of
-//! a pulse interval. The annotations do not hold bandwidth and duration: compressing a recording again needs the plan
-//! that made it, and `profile` does not apply to such a recording.
+//! **Recordings** are written by [`crate::sigmf`], one burst per step with a single carrier, `period` the samples of a
+//! pulse interval and `step_hz` the bandwidth. [`crate::profile`] divides the spectrum of the echo by that of the
+//! reference, burst by burst; from there on, a burst is a sweep like that of stepped carriers.
+//! [`crate::experiment::ChirpExperiment`] is a plan with its radio, as a file.
 
 mod capture;
-mod compress;
-mod keys;
 
 use std::f64::consts::PI;
 
@@ -47,12 +32,6 @@ use crate::plan::MAX_SAMPLES;
 use crate::transceiver::{Configuration, Ranges};
 
 pub use capture::{ChirpSummary, capture};
-pub use compress::{ChirpProfile, Compressor, Replica};
-pub use keys::reference;
-
-/// Largest delay of the reference after transmission, in samples: cable delay plus internal delay of the radio. The
-/// search for the reference covers as many lags.
-const LOOP_SAMPLES: usize = 8;
 
 /// Plan of a chirp capture.
 #[section]
@@ -73,8 +52,8 @@ pub struct Plan {
     /// Pulse repetition interval, a whole number of samples. The unambiguous range is c / 2 times the interval.
     #[key(default = "200 us", positive)]
     pub interval_s: f64,
-    /// Contiguous pulses per burst.
-    #[key(default = 16, whole(1, 1 << 20))]
+    /// Contiguous pulses per burst. The first is not used, because echoes of a pulse before it are missing.
+    #[key(default = 16, whole(2, 1 << 20))]
     pub pulses: usize,
     /// Number of bursts; 0 runs until stopped.
     #[key(default = 1)]
@@ -114,16 +93,9 @@ impl Plan {
         (self.interval_s * self.radio.sample_rate_hz).round() as usize
     }
 
-    /// Number of values of a range profile.
-    pub fn lags(&self) -> usize {
-        (self.reach_m / self.spacing_m()).ceil() as usize + 1 + LOOP_SAMPLES
-    }
-
-    /// Samples of a burst: its pulses, and the tail for the last pulse's farthest echo.
+    /// Samples of a burst.
     pub fn samples(&self) -> usize {
-        let span = self.chirp_samples() + LOOP_SAMPLES + self.lags();
-        let pulses = self.pulses.max(1);
-        self.period().saturating_mul(pulses - 1) + self.period().max(span)
+        self.period().saturating_mul(self.pulses)
     }
 
     /// Rising chirp of unit amplitude: `exp(j pi (B / T) t^2)`, with `t` from the middle of the chirp.

@@ -9,13 +9,11 @@ use subaperture_describe::schema::Schema;
 use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 
 use super::live::LiveKeys;
-use super::{AnyExperiment, Device, Experiment, ExperimentError, Simulated, Usrp, unread};
-use crate::antennas::Reference;
+use super::{Device, Experiment, ExperimentError, Simulated, Usrp, unread};
+use crate::antennas::{Antennas, Reference};
 use crate::fault::Faults;
-use crate::plan::Plan;
 use crate::plan::keys::PlanKeys;
 use crate::simulated::{Analogue, Coupled, Wiring};
-use crate::vna::{self, VnaExperiment};
 
 /// Description of an experiment.
 #[section]
@@ -34,7 +32,7 @@ struct ExperimentKeys {
 
 /// The radio: simulated, a USRP with the UHD driver, or the replay of a recording.
 #[section]
-struct DeviceKeys {
+pub(super) struct DeviceKeys {
     /// Kind of radio. "vna", a vector network analyser, has keys of its own.
     #[key(required = "simulated", select(Simulated, Uhd, Replay))]
     kind: DeviceKind,
@@ -79,13 +77,13 @@ struct DeviceKeys {
 
 /// Recording to write, and calibration of cables and channels.
 #[section]
-struct FileKeys {
+pub(super) struct FileKeys {
     /// Name of the recording; the suffixes .sigmf-data and .sigmf-meta are added.
     #[key(example = "walk")]
-    recording: Option<PathBuf>,
+    pub(super) recording: Option<PathBuf>,
     /// Calibration file written by subap radio calibrate for this set-up.
     #[key(example = "calibration.json")]
-    calibration: Option<PathBuf>,
+    pub(super) calibration: Option<PathBuf>,
 }
 
 pub(super) static SCHEMA: LazyLock<Schema> = LazyLock::new(|| {
@@ -131,7 +129,7 @@ impl Experiment {
     }
 }
 
-fn set(
+pub(super) fn set(
     description: &mut Description,
     schema: &Schema,
     settings: &[(String, String)],
@@ -140,7 +138,7 @@ fn set(
     settings.try_for_each(|(key, value)| description.set(schema, "--set", key, value))
 }
 
-fn set_and_describe(
+pub(super) fn set_and_describe(
     mut description: Description,
     settings: &[(String, String)],
 ) -> Result<Experiment, DescriptionError> {
@@ -148,50 +146,12 @@ fn set_and_describe(
     Experiment::describe(&description)
 }
 
-impl AnyExperiment {
-    /// Read an experiment file within `memory_bytes`, and override keys with `settings`.
-    ///
-    /// # Errors
-    /// If the file cannot be read; otherwise all faults of its text.
-    pub fn read_within(
-        path: &Path,
-        settings: &[(String, String)],
-        memory_bytes: u64,
-    ) -> Result<Self, ExperimentError> {
-        let description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
-        Ok(Self::describe(description, settings)?)
-    }
-
-    /// Make an experiment of the kind that the last of `settings`, or else the text, states.
-    ///
-    /// # Errors
-    /// All faults of the text, with their lines.
-    pub fn describe(
-        mut description: Description,
-        settings: &[(String, String)],
-    ) -> Result<Self, DescriptionError> {
-        let kinds = settings.iter().rev();
-        let mut kinds = kinds.filter(|(key, _)| key == "device.kind");
-        let kind = match kinds.next() {
-            Some((_, kind)) => Some(kind.trim_matches('"').to_owned()),
-            None => description.string_at("device", "kind"),
-        };
-        Ok(match kind.as_deref() {
-            Some("vna") => {
-                set(&mut description, &vna::SCHEMA, settings)?;
-                Self::Analyser(Box::new(VnaExperiment::describe(&description)?))
-            }
-            _ => Self::Radio(Box::new(set_and_describe(description, settings)?)),
-        })
-    }
-}
-
 fn build(description: &Description) -> Result<Experiment, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let keys = ExperimentKeys::read(&top);
     let folder = description.folder();
     let plan = keys.plan.plan(&top).map_err(|fault| vec![fault])?;
-    let device = keys.device.build(folder, &plan);
+    let device = keys.device.build(folder, plan.reference, plan.antennas);
     let device = device.map_err(|fault| vec![fault])?;
     let live = keys.live.map(|live| live.build(folder, plan.reference));
     Ok(Experiment {
@@ -205,11 +165,16 @@ fn build(description: &Description) -> Result<Experiment, Vec<Fault>> {
 }
 
 impl DeviceKeys {
-    fn build(self, folder: &Path, plan: &Plan) -> Result<Device, Fault> {
+    pub(super) fn build(
+        self,
+        folder: &Path,
+        reference: Reference,
+        antennas: Option<Antennas>,
+    ) -> Result<Device, Fault> {
         Ok(match self.kind {
             DeviceKind::Simulated(keys) => {
                 let (cable_s, amplitude) = (keys.cable_delay_s, *keys.leakage);
-                if plan.reference == Reference::Leakage && amplitude <= 0.0 {
+                if reference == Reference::Leakage && amplitude <= 0.0 {
                     let what = "expected a leakage above 0, since the leakage is the reference";
                     return Err(keys.leakage.fault(what));
                 }
@@ -217,7 +182,7 @@ impl DeviceKeys {
                     delay_s: keys.leakage_delay_s,
                     amplitude,
                 };
-                let wiring = match (plan.reference, plan.antennas) {
+                let wiring = match (reference, antennas) {
                     (Reference::Leakage, Some(antennas)) => Wiring::leakage(
                         [0, 1].map(|receiver| antennas.direct_s(receiver)),
                         [cable_s; 2],

@@ -6,6 +6,8 @@
 //! [`Experiment::with_radio`] opens the radio for the duration of a closure, since the simulated radio borrows its
 //! scenario.
 
+mod any;
+mod chirps;
 pub mod examples;
 mod keys;
 mod live;
@@ -24,8 +26,9 @@ use crate::replay::Replay;
 use crate::sigmf::{Recording, SigmfError};
 use crate::simulated::{Analogue, SimulatedRadio, Wiring};
 use crate::transceiver::Transceiver;
-use crate::vna::VnaExperiment;
 
+pub use any::AnyExperiment;
+pub use chirps::{ChirpExperiment, reference as chirp_reference};
 pub use keys::reference;
 pub use live::{BodyMotion, Live};
 
@@ -44,15 +47,6 @@ pub struct Experiment {
     pub calibration: Option<PathBuf>,
     /// Live imaging settings, if given.
     pub live: Option<Live>,
-}
-
-/// Experiment with a radio or with a vector network analyser.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AnyExperiment {
-    /// Stepped-frequency capture with a radio.
-    Radio(Box<Experiment>),
-    /// Capture with a vector network analyser.
-    Analyser(Box<VnaExperiment>),
 }
 
 /// Radio backend and its options.
@@ -131,15 +125,30 @@ impl Experiment {
         memory_bytes: u64,
         act: impl FnOnce(&mut dyn Transceiver) -> T,
     ) -> Result<T, ExperimentError> {
+        let checked = |scene: &_, path: &_| match self.plan.reference {
+            Reference::Leakage => self.same_places(scene, path),
+            _ => Ok(()),
+        };
         let faults = self.faults.clone();
-        match &self.device {
-            Device::Simulated(simulated) => {
+        self.device.with_radio(faults, memory_bytes, checked, act)
+    }
+}
+
+impl Device {
+    /// Open the radio, run `act` with it, and close it; `checked` may refuse a simulated scene.
+    fn with_radio<T>(
+        &self,
+        faults: Option<Faults>,
+        memory_bytes: u64,
+        checked: impl Fn(&subaperture_simulate::Experiment, &Path) -> Result<(), RadioError>,
+        act: impl FnOnce(&mut dyn Transceiver) -> T,
+    ) -> Result<T, ExperimentError> {
+        match self {
+            Self::Simulated(simulated) => {
                 let path = &simulated.scenario;
                 let scenario = Scenario::read_within(path, memory_bytes).map_err(unread(path))?;
                 let scene = scenario.experiment_within(memory_bytes)?;
-                if self.plan.reference == Reference::Leakage {
-                    self.same_places(&scene, path)?;
-                }
+                checked(&scene, path)?;
                 let (wiring, analogue) = (simulated.wiring.clone(), simulated.analogue.clone());
                 let mut radio = SimulatedRadio::new(&scene, wiring, analogue)?;
                 if simulated.real_time {
@@ -147,11 +156,11 @@ impl Experiment {
                 }
                 Ok(with(radio, faults, act))
             }
-            Device::Replay(path) => {
+            Self::Replay(path) => {
                 let recording = Recording::open_within(path, memory_bytes)?;
                 Ok(with(Replay::new(recording), faults, act))
             }
-            Device::Uhd(usrp) => with_usrp(usrp, faults, act),
+            Self::Uhd(usrp) => with_usrp(usrp, faults, act),
         }
     }
 }

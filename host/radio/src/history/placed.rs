@@ -199,7 +199,7 @@ impl Capture {
         timings: &[Timing],
         placement: &Placement,
     ) -> Result<InMemory, HistoryError> {
-        let num_samples = self.setup.steps;
+        let num_samples = self.setup.band().count;
         let mut pulses = Vec::with_capacity(within.len());
         let mut samples: Vec<Complex32> = Vec::with_capacity(within.len() * num_samples);
         for &n in within {

@@ -64,7 +64,8 @@ impl Capture {
         let receivers = ranging.reference().receivers();
         let mut all: Vec<u64> = recording.steps().iter().map(|step| step.sweep).collect();
         all.dedup();
-        let bytes = all.len() as u64 * (receivers.len() * setup.steps * CARRIER_BYTES) as u64;
+        let bytes =
+            all.len() as u64 * (receivers.len() * setup.band().count * CARRIER_BYTES) as u64;
         if bytes > options.memory_bytes {
             let error = ReadError::Memory {
                 path: path.to_owned(),

@@ -86,7 +86,7 @@ impl Calibration {
         ranges_m: &[f64],
         search_m: f64,
     ) -> Result<Self, ProfileError> {
-        let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
+        let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * sky.step_hz);
         let reach_m = 0.75 * unambiguous_m;
         let sky = sky.filled(reach_m)?;
         let echo = reflector.filled(reach_m)?;
@@ -220,7 +220,7 @@ impl Calibration {
         let read: Self = json::typed(file, LIMITS)
             .map_err(|error| fault(format!("invalid calibration: {error}")))?;
         let whole = |receiver: &Receiver| {
-            receiver.sky.len() == read.setup.steps && receiver.amplitude != [0.0; 2]
+            receiver.sky.len() == read.setup.band().count && receiver.amplitude != [0.0; 2]
         };
         let count = read.setup.reference.receivers().len();
         if read.receivers.len() != count || !read.receivers.iter().all(whole) {

@@ -1,4 +1,4 @@
-//! Range profiles of stepped-frequency recordings; Chim 2018, (5.4) to (5.12).
+//! Range profiles of recordings of stepped carriers (Chim 2018, (5.4) to (5.12)) and of chirps.
 //!
 //! ```text
 //! step: two channels ─ tone::mix ─> Steps ─ Ranging: loop or leakage reference, calibration ─> Sweep per receiver ─> fill gaps ─ window, inverse FFT ─> profile
@@ -26,6 +26,7 @@
 //! [`Ranging`] uses the one in the plan.
 
 mod calibration;
+mod chirp;
 mod error;
 mod fits;
 pub mod gaps;
@@ -37,10 +38,11 @@ mod sweep;
 mod transform;
 
 pub use calibration::Calibration;
+pub use chirp::ChirpResponse;
 pub use error::{CalibrationError, ProfileError};
 pub use ranging::{Options, Ranging};
 pub use receiver::{Receiver, Reflector};
-pub use scatterers::Scatterer;
+pub use scatterers::PointScatterer;
 pub use sweep::{Steps, Sweep};
 pub use transform::{Peak, Profile};
 

@@ -3,6 +3,7 @@
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
 use super::calibration::Calibration;
+use super::chirp;
 use super::error::ProfileError;
 use super::leakage::{Leakage, Solver};
 use super::sweep::{Steps, Sweep};
@@ -17,8 +18,8 @@ const REACH: (f64, f64) = (0.75, 0.45);
 pub struct Options {
     /// Phase reference; `None` uses that of the recording's plan.
     pub reference: Option<Reference>,
-    /// Maximum range of echoes, metres. Default: three quarters of the unambiguous range with a loopback reference, 45
-    /// % with a leakage reference.
+    /// Maximum range of echoes, metres. Default: that of the plan; three quarters of the unambiguous range with a
+    /// loopback reference, 45 % with a leakage reference.
     pub reach_m: Option<f64>,
     /// Calibration of cables, channels and empty scene; `None` for none.
     pub calibration: Option<Calibration>,
@@ -41,22 +42,31 @@ impl Ranging {
     /// If there are fewer than two carriers, `reach_m` exceeds the unambiguous range, or the calibration belongs to
     /// another set-up.
     pub fn new(setup: &Setup, options: Options) -> Result<Self, ProfileError> {
-        if setup.steps < 2 {
+        let band = setup.band();
+        if band.count < 2 {
             return Err(ProfileError::Options(
-                "recording at a single carrier, for example of chirps: a range profile needs at least two carriers".to_owned(),
+                "recording at a single frequency: a range profile needs at least two".to_owned(),
             ));
         }
         let reference = options.reference.unwrap_or(setup.reference);
-        let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
+        let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * band.step_hz);
         let part = match reference {
             Reference::Leakage => REACH.1,
             Reference::Loopback | Reference::None => REACH.0,
         };
-        let reach_m = options.reach_m.unwrap_or(part * unambiguous_m);
+        let reach_m = options
+            .reach_m
+            .or(setup.reach_m)
+            .unwrap_or(part * unambiguous_m);
         if !(reach_m > 0.0 && reach_m <= unambiguous_m) {
             return Err(ProfileError::Options(format!(
                 "reach of {reach_m} m: expected a value above 0 and at most the unambiguous range of {unambiguous_m:.2} m"
             )));
+        }
+        if setup.is_chirp() && reference != Reference::Loopback {
+            return Err(ProfileError::Options(
+                "recording of chirps: expected a loop as the reference".to_owned(),
+            ));
         }
         if let Some(calibration) = &options.calibration {
             let asked = Setup {
@@ -97,6 +107,10 @@ impl Ranging {
         recording: &mut Recording,
         sweep: u64,
     ) -> Result<Vec<Sweep>, ProfileError> {
+        if recording.setup().is_chirp() {
+            let response = chirp::response(recording, sweep)?;
+            return Ok(vec![self.calibrated(response)?]);
+        }
         self.sweeps(&Steps::read(recording, sweep)?)
     }
 
@@ -116,13 +130,16 @@ impl Ranging {
                 None => found.into(),
             });
         }
-        let sweep = steps.over(self.reference);
-        let calibrated = match &self.calibration {
+        Ok(vec![self.calibrated(steps.over(self.reference))?])
+    }
+
+    /// Response with a loopback reference, calibrated.
+    fn calibrated(&self, sweep: Sweep) -> Result<Sweep, ProfileError> {
+        Ok(match &self.calibration {
             // The set-up was checked by `new`.
             Some(calibration) => calibration.apply(&calibration.setup, &sweep)?,
             None => sweep,
-        };
-        Ok(vec![calibrated])
+        })
     }
 }
 

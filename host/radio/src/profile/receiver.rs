@@ -6,7 +6,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::phasor;
 
 use super::error::{CalibrationError, ProfileError};
-use super::scatterers::Scatterer;
+use super::scatterers::PointScatterer;
 use super::sweep::Sweep;
 
 /// Largest difference of the delays of two reflectors, metres: larger ones are errors of the survey.
@@ -116,17 +116,17 @@ impl Receiver {
 
 /// Scatterers of the reflectors at a common delay of at most `search_m` metres, those with the largest power in all.
 fn matched(
-    seen: &[Scatterer],
+    seen: &[PointScatterer],
     ranges_m: &[f64],
     search_m: f64,
-) -> Result<Vec<Scatterer>, ProfileError> {
+) -> Result<Vec<PointScatterer>, ProfileError> {
     let Some(&first_m) = ranges_m.first() else {
         return Err(ProfileError::Options(
             "expected the range of at least one reflector".to_owned(),
         ));
     };
     let nearest = |range_m: f64| {
-        let off = |one: &&Scatterer| (one.range_m - range_m).abs();
+        let off = |one: &&PointScatterer| (one.range_m - range_m).abs();
         seen.iter()
             .min_by(|a, b| off(a).total_cmp(&off(b)))
             .copied()
@@ -140,10 +140,11 @@ fn matched(
             });
             each.collect::<Option<Vec<_>>>().unwrap_or_default()
         });
-    let mut choices: Vec<Vec<(Scatterer, f64)>> = choices.collect();
-    let is_complete =
-        |choice: &[(Scatterer, f64)]| choice.iter().all(|(_, off_m)| off_m.abs() <= SAME_DELAY_M);
-    let power = |choice: &[(Scatterer, f64)]| {
+    let mut choices: Vec<Vec<(PointScatterer, f64)>> = choices.collect();
+    let is_complete = |choice: &[(PointScatterer, f64)]| {
+        choice.iter().all(|(_, off_m)| off_m.abs() <= SAME_DELAY_M)
+    };
+    let power = |choice: &[(PointScatterer, f64)]| {
         choice
             .iter()
             .map(|(one, _)| one.amplitude.norm_sqr())

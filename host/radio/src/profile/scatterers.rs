@@ -39,7 +39,7 @@ const FINENESS: usize = 8;
 
 /// Point scatterer in a frequency response.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scatterer {
+pub struct PointScatterer {
     /// Range, metres.
     pub range_m: f64,
     /// Standard deviation of the range by noise, metres.
@@ -131,12 +131,17 @@ fn is_noise(fraction: f64, free: f64, cells: f64) -> bool {
 }
 
 impl Sweep {
-    /// Point scatterers up to `reach_m` metres and down to `floor_db` dB below the strongest, in ascending range. At
-    /// most 16, at least a resolution cell apart.
+    /// Point scatterers down to `floor_db` dB below the strongest, in ascending range. At most 16, at least a resolution
+    /// cell apart. Ranges beyond `reach_m` metres are given as negative: an echo that arrives before the reference
+    /// appears at the far end of the unambiguous range.
     ///
     /// # Errors
     /// If more than a third of the carriers is missing.
-    pub fn scatterers(&self, floor_db: f64, reach_m: f64) -> Result<Vec<Scatterer>, ProfileError> {
+    pub fn scatterers(
+        &self,
+        floor_db: f64,
+        reach_m: f64,
+    ) -> Result<Vec<PointScatterer>, ProfileError> {
         self.check()?;
         let count = self.values.len();
         let cell_m = SPEED_OF_LIGHT_M_S / (2.0 * self.step_hz * count as f64);
@@ -154,7 +159,7 @@ impl Sweep {
         let most = MOST.min(response.values.len() / 6);
         while echoes.len() < most {
             let residual = response.residual(&echoes);
-            let Some(next) = self.strongest(&places, &residual, &echoes, reach_m / cell_m) else {
+            let Some(next) = self.strongest(&places, &residual, &echoes) else {
                 break;
             };
             let power: f64 = residual.iter().map(Complex64::norm_sqr).sum();
@@ -174,17 +179,11 @@ impl Sweep {
             };
             echoes = more;
         }
-        Ok(self.stated(&response, echoes, cell_m))
+        Ok(self.stated(&response, &echoes, cell_m, reach_m))
     }
 
-    /// Strongest peak of the residual in `0..=reach` resolution cells, at least one away from every echo.
-    fn strongest(
-        &self,
-        places: &[usize],
-        residual: &[Complex64],
-        echoes: &[Echo],
-        reach: f64,
-    ) -> Option<Echo> {
+    /// Strongest peak of the residual, at least a resolution cell away from every echo.
+    fn strongest(&self, places: &[usize], residual: &[Complex64], echoes: &[Echo]) -> Option<Echo> {
         let count = self.values.len();
         let mut values = vec![Complex64::ZERO; count];
         for (n, left) in places.iter().zip(residual) {
@@ -200,10 +199,9 @@ impl Sweep {
         let all = profile.values.iter().enumerate();
         all.map(|(i, z)| (i as f64 / FINENESS as f64, z))
             .filter(|(cells, _)| {
-                *cells <= reach
-                    && echoes
-                        .iter()
-                        .all(|echo| circular(*cells, echo.cells) >= 1.0)
+                echoes
+                    .iter()
+                    .all(|echo| circular(*cells, echo.cells) >= 1.0)
             })
             .max_by(|(_, a), (_, b)| a.norm_sqr().total_cmp(&b.norm_sqr()))
             .map(|(cells, z)| Echo {
@@ -214,26 +212,38 @@ impl Sweep {
     }
 
     /// Scatterers with standard deviations, in ascending range.
-    fn stated(&self, response: &Response, echoes: Vec<Echo>, cell_m: f64) -> Vec<Scatterer> {
-        let residual = response.residual(&echoes);
+    fn stated(
+        &self,
+        response: &Response,
+        echoes: &[Echo],
+        cell_m: f64,
+        reach_m: f64,
+    ) -> Vec<PointScatterer> {
+        let residual = response.residual(echoes);
         let free = (residual.len() as f64 - 1.5 * echoes.len() as f64).max(1.0);
         let variance = residual.iter().map(Complex64::norm_sqr).sum::<f64>() / free;
         let covariance = response
-            .normal(&echoes, &residual)
+            .normal(echoes, &residual)
             .map(|(factor, _)| factor.inverse());
         let size = 3 * echoes.len();
-        let middle_hz =
-            self.frequency_hz(0) + 0.5 * (self.values.len() as f64 - 1.0) * self.step_hz;
+        let count = self.values.len() as f64;
+        let middle = (count - 1.0) / 2.0;
+        let middle_hz = self.frequency_hz(0) + middle * self.step_hz;
         let one = |(k, echo): (usize, &Echo)| {
-            let range_m = echo.cells * cell_m;
+            // Ambiguities between the estimate and a range from just beyond the reach down by one ambiguity.
+            let turns = (echo.cells - reach_m / cell_m).div_euclid(count) + 1.0;
+            let is_within = echo.cells >= 0.0 && echo.cells * cell_m <= reach_m;
+            let turns = if is_within { 0.0 } else { turns };
+            let range_m = (echo.cells - turns * count) * cell_m;
             let own = covariance.as_ref().map(|all| all[3 * k * (size + 1)]);
-            Scatterer {
+            PointScatterer {
                 range_m,
                 sigma_m: own.map_or(f64::INFINITY, |own| cell_m * (0.5 * variance * own).sqrt()),
-                amplitude: echo.amplitude * phasor(2.0 * middle_hz * range_m / SPEED_OF_LIGHT_M_S),
+                amplitude: echo.amplitude
+                    * phasor(middle * turns + 2.0 * middle_hz * range_m / SPEED_OF_LIGHT_M_S),
             }
         };
-        let mut all: Vec<Scatterer> = echoes.iter().enumerate().map(one).collect();
+        let mut all: Vec<PointScatterer> = echoes.iter().enumerate().map(one).collect();
         all.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
         all
     }

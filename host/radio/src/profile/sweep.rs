@@ -68,6 +68,11 @@ impl Steps {
             return Err(ProfileError::NoSweep(sweep));
         }
         let setup = recording.setup();
+        if setup.is_chirp() {
+            return Err(ProfileError::Options(
+                "recording of chirps: expected one of stepped carriers".to_owned(),
+            ));
+        }
         let rate_hz = setup.sample_rate_hz;
         let tone = Tone::new(setup.period, rate_hz);
         let mut steps = Self::empty(setup);
@@ -126,7 +131,7 @@ pub struct Sweep {
 
 impl Sweep {
     /// Read a sweep of a recording: channel 1 divided by channel 0, or alone with [`Reference::None`]. A leakage
-    /// reference needs both channels; see [`super::Ranging`].
+    /// reference needs both channels; see [`super::Ranging`], which also reads chirps.
     ///
     /// # Errors
     /// If the sweep does not exist or cannot be read.

@@ -45,11 +45,35 @@ pub struct Setup {
     /// Antenna positions, if the plan contains them.
     #[serde(default)]
     pub antennas: Option<Antennas>,
+    /// Maximum range of the plan, metres, if it states one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reach_m: Option<f64>,
 }
 
+/// Used part of the bandwidth of a chirp, whose spectrum falls off at its ends.
+const CHIRP_BAND: f64 = 0.8;
+
 impl Setup {
-    /// Frequencies of a sweep's response: carriers plus the tone.
+    /// Whether it is a recording of chirps ([`crate::chirp`]), with one carrier: `period` is the pulse repetition interval,
+    /// and `step_hz` the bandwidth of the chirp.
+    pub fn is_chirp(&self) -> bool {
+        self.steps == 1
+    }
+
+    /// Frequencies of a sweep's response: carriers plus the tone, or of chirps the lines of their spectrum within
+    /// 0.8 of the bandwidth.
     pub fn band(&self) -> Band {
+        if self.is_chirp() {
+            let step_hz = self.sample_rate_hz / self.period as f64;
+            let half = (0.5 * CHIRP_BAND * self.step_hz / step_hz).floor();
+            // At most one period, which has at most 65,536 samples.
+            let half = half.min(0.5 * (self.period as f64 - 1.0)).floor();
+            return Band {
+                start_hz: self.start_hz - half * step_hz,
+                step_hz,
+                count: 2 * half as usize + 1,
+            };
+        }
         Band {
             start_hz: self.start_hz + self.sample_rate_hz / self.period as f64,
             step_hz: self.step_hz,

@@ -174,11 +174,11 @@ pub(crate) struct Profile {
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) window: Window,
 
-    /// Largest range of echoes, metres; used to fill missing carriers [default: three quarters of the unambiguous range]
+    /// Largest range of echoes, metres; used to fill missing carriers [default: that of a plan of chirps, or three quarters of the unambiguous range]
     #[arg(long, value_name = "METRES", value_parser = above_zero(Dimension::Length))]
     pub(crate) reach: Option<f64>,
 
-    /// Lowest level of printed peaks below the strongest, dB
+    /// Lowest level of printed scatterers below the strongest, dB. Their ranges are estimated together, with their standard deviations by noise
     #[arg(long, value_name = "DB", default_value_t = 25.0, value_parser = above_zero(Dimension::Level))]
     pub(crate) floor: f64,
 

@@ -9,7 +9,7 @@ use std::thread;
 use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 use subaperture::io::atomic::free_bytes;
-use subaperture::io::written::{FileKind, WrittenFile};
+use subaperture::io::written::WrittenFile;
 use subaperture::monitor::Monitor;
 use subaperture::planner::stepped::{SteppedSweep, SweepPlan};
 use subaperture::radio::capture::{CaptureError, EndReason, LiveStep, Summary, capture};
@@ -19,10 +19,11 @@ use subaperture::radio::sigmf::SigmfError;
 use subaperture::radio::{Ranges, Transceiver, vna};
 use subaperture::signal::window::Window;
 
-use super::analyser;
+use super::capture_files::{meta, recording_files};
 use super::link::line::Line;
 use super::link::profiles::Profiling;
 use super::plan::speed;
+use super::{analyser, chirps};
 use crate::args::Capture;
 use crate::config::Session;
 use crate::failure::{InterruptedWithSteps, Usage};
@@ -35,7 +36,12 @@ const WAITING: usize = 64;
 /// Capture, or print information about experiments.
 pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     if typed.keys {
-        text::say(format!("{}\n{}", experiment::reference(), vna::reference()))?;
+        let all = [
+            experiment::reference(),
+            experiment::chirp_reference(),
+            vna::reference(),
+        ];
+        text::say(all.join("\n"))?;
     }
     if let Some(name) = &typed.example {
         text::say(experiment::examples::text(name).context("--example: no such name")?)?;
@@ -45,6 +51,7 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     };
     let mut experiment = match AnyExperiment::read_within(path, &typed.set, session.memory_bytes)? {
         AnyExperiment::Radio(experiment) => *experiment,
+        AnyExperiment::Chirps(experiment) => return chirps::run(session, typed, *experiment),
         AnyExperiment::Analyser(experiment) => {
             return analyser::run(session, typed, &experiment);
         }
@@ -173,23 +180,6 @@ fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
             progress.progress(done / (plan.sweeps as f64 * steps));
         }
     }
-}
-
-/// Both files of a SigMF recording.
-fn recording_files(out: &Path) -> [WrittenFile; 2] {
-    let meta = meta(out);
-    let data = meta.with_extension("sigmf-data");
-    [
-        WrittenFile::new(meta, FileKind::Recording),
-        WrittenFile::new(data, FileKind::Samples),
-    ]
-}
-
-/// Path of the SigMF metadata file of a recording.
-pub(super) fn meta(out: &Path) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(".sigmf-meta");
-    PathBuf::from(name)
 }
 
 /// Print the minimum time and disk space of the plan.

@@ -3,6 +3,8 @@
 mod analyser;
 mod autofocus;
 mod capture;
+mod capture_files;
+mod chirps;
 mod compare;
 mod completions;
 mod crosscheck;

@@ -10,9 +10,7 @@ use subaperture::io::written::FileKind;
 use subaperture::monitor::Monitor;
 use subaperture::plot::{Chart, Colours, Curve, HeatMap, Stroke, heat, lines};
 use subaperture::radio::Reference;
-use subaperture::radio::profile::{
-    Calibration, Options, Peak, Profile, ProfileError, Ranging, Sweep,
-};
+use subaperture::radio::profile::{Calibration, Options, Profile, ProfileError, Ranging, Sweep};
 use subaperture::radio::sigmf::{Recording, Setup};
 
 use crate::config::Session;
@@ -37,6 +35,8 @@ struct Processing<'a> {
     /// Index of the shown receiver among those with antennas.
     receiver: usize,
     calibrated: bool,
+    /// Number of range samples shown.
+    places: usize,
 }
 
 impl<'a> Processing<'a> {
@@ -58,11 +58,22 @@ impl<'a> Processing<'a> {
             );
             return Err(Usage(fault).into());
         };
+        let (band, reach_m) = (setup.band(), ranging.reach_m());
+        let places = match setup.is_chirp() {
+            false => band.count * typed.fineness,
+            // The unambiguous range is that of the pulse interval, kilometres.
+            true => {
+                (reach_m / band.unambiguous_path_m() * 2.0 * (band.count * typed.fineness) as f64)
+                    .ceil() as usize
+                    + 1
+            }
+        };
         Ok(Self {
             typed,
             ranging,
             receiver,
             calibrated,
+            places,
         })
     }
 
@@ -76,20 +87,13 @@ impl<'a> Processing<'a> {
             .read(recording, sweep)?
             .swap_remove(self.receiver);
         let reach_m = self.ranging.reach_m();
-        let profile = read.profile(self.typed.window, self.typed.fineness, reach_m)?;
+        let mut profile = read.profile(self.typed.window, self.typed.fineness, reach_m)?;
+        profile.values.truncate(self.places);
         Ok((read, profile))
-    }
-
-    /// Peaks in descending order down to the floor, then sorted by range.
-    fn peaks(&self, profile: &Profile) -> Vec<Peak> {
-        let strongest = profile.values.iter().map(|z| z.norm()).fold(0.0, f64::max);
-        let mut peaks = profile.peaks(strongest * 10f64.powf(-self.typed.floor / 20.0));
-        peaks.retain(|peak| peak.magnitude > 0.0);
-        peaks
     }
 }
 
-/// Report the peaks of a sweep, and draw the sweep and a waterfall of all sweeps.
+/// Report the scatterers of a sweep, and draw the sweep and a waterfall of all sweeps.
 pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()> {
     if typed.fineness > MAX_FINENESS {
         let fault = format!("--fineness: expected at most {MAX_FINENESS}");
@@ -100,7 +104,8 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         messages::warning("the capture was killed or is still running: complete sweeps are shown");
     }
     let setup = recording.setup().clone();
-    let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
+    let band = setup.band();
+    let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * band.step_hz);
     let mut processing = Processing::new(typed, &setup)?;
     let sweeps: BTreeSet<u64> = recording.steps().iter().map(|step| step.sweep).collect();
     let mut inputs = vec![typed.recording.clone()];
@@ -114,7 +119,7 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         claims.folder(folder, names)?;
     }
     let (sweep, profile) = processing.profile(&mut recording, typed.sweep)?;
-    let peaks = processing.peaks(&profile);
+    let scatterers = sweep.scatterers(typed.floor, processing.ranging.reach_m())?;
     let mut files = FileSet::new();
     if let Some(folder) = &typed.out {
         let title = format!("{}, sweep {}", setup.name, typed.sweep);
@@ -138,13 +143,14 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
                 "recording": typed.recording.display().to_string(),
                 "sweep": typed.sweep,
                 "sweeps": sweeps.len(),
-                "carriers": { "usable": sweep.usable(), "count": setup.steps },
-                "resolution_m": unambiguous_m / setup.steps as f64,
+                "carriers": { "usable": sweep.usable(), "count": band.count },
+                "resolution_m": unambiguous_m / band.count as f64,
                 "unambiguous_m": unambiguous_m,
                 "calibrated": processing.calibrated,
-                "peaks": peaks.iter().map(|peak| json!({
-                    "range_m": peak.range_m,
-                    "level_db": levels(peak.magnitude),
+                "scatterers": scatterers.iter().map(|one| json!({
+                    "range_m": one.range_m,
+                    "sigma_m": one.sigma_m,
+                    "level_db": levels(one.amplitude.norm()),
                 })).collect::<Vec<_>>(),
                 "profile": {
                     "spacing_m": profile.spacing_m,
@@ -167,17 +173,16 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         typed.sweep,
         sweeps.len(),
         sweep.usable(),
-        setup.steps,
-        unambiguous_m / setup.steps as f64
+        band.count,
+        unambiguous_m / band.count as f64
     ))?;
-    let rows: Vec<Vec<String>> = peaks
-        .iter()
-        .map(|peak| {
-            let range = format!("{:.3} m", peak.range_m);
-            vec![range, text::decibels(levels(peak.magnitude))]
+    let rows: Vec<Vec<String>> = (scatterers.iter())
+        .map(|one| {
+            let [range, sigma] = [one.range_m, one.sigma_m].map(|metres| format!("{metres:.3} m"));
+            vec![range, sigma, text::decibels(levels(one.amplitude.norm()))]
         })
         .collect();
-    text::say(text::table(&["range", &format!("of {to}")], &rows))?;
+    text::say(text::table(&["range", "+-", &format!("of {to}")], &rows))?;
     Ok(())
 }
 
@@ -211,8 +216,7 @@ fn waterfall(
     recording: &mut Recording,
     sweeps: &BTreeSet<u64>,
 ) -> anyhow::Result<Vec<u8>> {
-    let setup = recording.setup().clone();
-    let places = setup.steps * processing.typed.fineness;
+    let (name, places) = (recording.setup().name.clone(), processing.places);
     let rows = MAX_ROWS.min(MAX_CELLS / places).max(1);
     let stride = sweeps.len().div_ceil(rows);
     let shown: Vec<u64> = sweeps.iter().copied().step_by(stride).collect();
@@ -240,7 +244,7 @@ fn waterfall(
     progress.finish();
     let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
     let rows = axis(shown[0] as f64, stride as f64, shown.len());
-    drawn(&values, rows, axis(0.0, spacing_m, places), setup.name)
+    drawn(&values, rows, axis(0.0, spacing_m, places), name)
 }
 
 /// Picture of levels in dB over sweeps and ranges; not finite ones are left blank.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use serde_json::json;
-use subaperture::radio::experiment::{AnyExperiment, Device};
+use subaperture::radio::experiment::{AnyExperiment, ChirpExperiment, Device};
 use subaperture::radio::sigmf::Recording;
 use subaperture::radio::vna::VnaExperiment;
 
@@ -39,15 +39,20 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
         "data",
         &format!("{}, {} samples/s", bytes(size.into()), setup.sample_rate_hz),
     );
-    text += &line(
-        "carriers",
-        &format!(
+    let carriers = match setup.is_chirp() {
+        true => format!(
+            "chirps of {} at {}",
+            hertz(setup.step_hz),
+            hertz(setup.start_hz)
+        ),
+        false => format!(
             "{} from {}, {} apart",
             setup.steps,
             hertz(setup.start_hz),
             hertz(setup.step_hz)
         ),
-    );
+    };
+    text += &line("carriers", &carriers);
     text += &line(
         "band",
         &format!(
@@ -111,16 +116,11 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
 pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let experiment = match AnyExperiment::read_within(path, &[], session.memory_bytes)? {
         AnyExperiment::Radio(experiment) => experiment,
+        AnyExperiment::Chirps(experiment) => return Ok(chirps(path, &experiment)),
         AnyExperiment::Analyser(experiment) => return Ok(analyser(path, &experiment)),
     };
     let plan = &experiment.plan;
-    let radio = match &experiment.device {
-        Device::Simulated(simulated) => {
-            format!("simulated, scene {}", simulated.scenario.display())
-        }
-        Device::Uhd(_) => "USRP (UHD)".to_owned(),
-        Device::Replay(path) => format!("replay of {}", path.display()),
-    };
+    let radio = radio(&experiment.device);
     let sweeps = match plan.sweeps {
         0 => "unlimited".to_owned(),
         sweeps => sweeps.to_string(),
@@ -159,6 +159,55 @@ pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Descr
             "images": experiment.live.is_some(),
         }),
     })
+}
+
+fn radio(device: &Device) -> String {
+    match device {
+        Device::Simulated(simulated) => {
+            format!("simulated, scene {}", simulated.scenario.display())
+        }
+        Device::Uhd(_) => "USRP (UHD)".to_owned(),
+        Device::Replay(path) => format!("replay of {}", path.display()),
+    }
+}
+
+/// Describe the plan and radio of a capture of chirps.
+fn chirps(path: &Path, experiment: &ChirpExperiment) -> Description {
+    let (plan, radio) = (&experiment.plan, radio(&experiment.device));
+    let bursts = match plan.bursts {
+        0 => "unlimited".to_owned(),
+        bursts => bursts.to_string(),
+    };
+    let mut text = line("experiment", &path.display().to_string());
+    text += &line("name", &plan.name);
+    text += &line("radio", &radio);
+    let chirps = format!(
+        "{} per burst at {}, {} in {}",
+        plan.pulses,
+        hertz(plan.carrier_hz),
+        hertz(plan.bandwidth_hz),
+        seconds(plan.duration_s)
+    );
+    text += &line("chirps", &chirps);
+    text += &line("bursts", &bursts);
+    text += &line("next", "run it with subap capture");
+    Description {
+        text,
+        json: json!({
+            "path": path.display().to_string(),
+            "kind": "chirp experiment",
+            "name": plan.name,
+            "radio": radio,
+            "chirps": {
+                "carrier_hz": plan.carrier_hz,
+                "bandwidth_hz": plan.bandwidth_hz,
+                "duration_s": plan.duration_s,
+                "interval_s": plan.interval_s,
+                "per_burst": plan.pulses,
+            },
+            "bursts": plan.bursts,
+        }),
+    }
 }
 
 /// Describe the plan and analyser of an experiment.
