@@ -119,7 +119,6 @@ fn capture_is_imaged_while_it_runs() {
     let placement = Placement {
         track: Some(&track),
         antennas: None,
-        reach_m: None,
         reference_m: grid.position_m(rows / 2, columns / 2),
         extent: Some(extent),
         frame: SceneFrame::Local,
@@ -248,7 +247,6 @@ fn walk_is_imaged_while_its_track_is_estimated() {
     let placement = Placement {
         track: Some(&track),
         antennas: None,
-        reach_m: None,
         reference_m: DVec3::new(0.0, 9.0, 0.0),
         extent: Some(Extent {
             x_m: (-6.0, 6.5),

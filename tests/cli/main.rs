@@ -10,6 +10,7 @@ mod bistatic;
 mod capture;
 mod cases;
 mod channels;
+mod chirps;
 mod claimed_sizes;
 mod compare;
 mod completions;

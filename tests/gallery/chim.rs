@@ -420,7 +420,7 @@ pub(crate) fn three_objects(part: f64, from: &'static str) -> Vec<Figure> {
         )
         .printed(),
         figure(
-            "wall at 1 m: peak of the profile",
+            "wall at 1 m: range, estimated together with the others",
             "1 m",
             "{} m",
             near(1.0),
@@ -428,7 +428,7 @@ pub(crate) fn three_objects(part: f64, from: &'static str) -> Vec<Figure> {
         )
         .printed(),
         figure(
-            "corner reflector at 6.3 m: peak of the profile",
+            "corner reflector at 6.3 m: range, estimated together with the others",
             "6.3 m",
             "{} m",
             near(6.3),
@@ -436,13 +436,20 @@ pub(crate) fn three_objects(part: f64, from: &'static str) -> Vec<Figure> {
         )
         .printed(),
         figure(
-            "wall at 16 m: peak of the profile",
+            "wall at 16 m: range, estimated together with the others",
             "16 m",
             "{} m",
             near(16.0),
             from,
         )
         .printed(),
+        figure(
+            "corner reflector, by the precision of the laser",
+            "6.3 m, verified by a laser range finder of 0.01 m",
+            "{} m",
+            [About(6.3, 0.01)],
+            "where it was put",
+        ),
     ]
 }
 

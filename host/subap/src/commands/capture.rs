@@ -1,7 +1,7 @@
 //! `subap capture`: record an experiment with a radio or a network analyser.
 
 use std::f64::consts::PI;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
@@ -445,7 +445,7 @@ mod tests {
         // As Linux numbers them: EIO, EACCES, ENOSPC, EDQUOT.
         for (number, full) in [(5, false), (13, false), (28, true), (122, true)] {
             let error = SigmfError::Io {
-                path: PathBuf::from("a.sigmf-data"),
+                path: "a.sigmf-data".into(),
                 source: std::io::Error::from_raw_os_error(number),
             };
             assert_eq!(is_full(&error), full, "{error}");

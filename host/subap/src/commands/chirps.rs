@@ -57,15 +57,7 @@ pub(super) fn run(
             0 => progress.set_label(format!("burst {}", burst + 1)),
             bursts => progress.progress((burst + 1) as f64 / bursts as f64),
         };
-        let replica = Replica::Reference;
-        capture(
-            radio,
-            plan,
-            replica,
-            Some(out),
-            &mut seen,
-            interrupt::flag(),
-        )
+        capture(radio, plan, Some(out), &mut seen, interrupt::flag())
     })?;
     let summary = captured?;
     report(session, plan, &summary, out)?;
