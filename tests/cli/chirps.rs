@@ -111,7 +111,7 @@ fn options_of_stepped_captures_are_refused_for_chirps() {
     assert_eq!(listing(at), before);
 }
 
-/// Cables of 5 ns more than the loop, three reflectors, of which one is surveyed 2 cm too near: the residuals show it.
+/// Cables of 5 ns more than the loop, three reflectors, one of them surveyed 2 cm too near: the residuals show it.
 #[test]
 fn calibration_with_several_reflectors_has_residuals() {
     let folder = examples();

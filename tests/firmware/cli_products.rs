@@ -112,7 +112,7 @@ fn profiles_of_a_capture_equal_those_of_the_host() {
         (&2.into(), &2.into())
     );
     let ratio = report["down_up_ratio"].as_f64().unwrap();
-    // Per sweep 128 kB are sent; 32 values of 8 bytes and some eight statuses of 100 bytes are received, more if requests are repeated.
+    // Per sweep 128 kB are sent; 32 values of 8 bytes and some eight statuses of 100 bytes are received, and one more for each second of waiting.
     assert!(ratio < 0.02, "{ratio}");
     let plan = run(at, "plan module walk.sigmf-meta --ram 512K --json");
     let plan: Value = serde_json::from_str(plan.succeeded()).unwrap();

@@ -9,7 +9,7 @@ use subaperture::io::npy;
 use subaperture_tests::error_db;
 use subaperture_tests::subap::{root, run};
 
-const GRID: &str = "x=-20:20:0.2,y=-20:20:0.2,z=0";
+const GRID: &str = "x=-10:10:0.2,y=-10:10:0.2,z=0";
 
 fn image(folder: &Path, line: &str) -> Image {
     let ran = run(folder, &format!("focus {line} --grid {GRID} --out image"));

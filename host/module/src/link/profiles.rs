@@ -265,11 +265,11 @@ impl Session<'_> {
         let (settings, run) = (self.ledger.settings, self.ledger.run);
         let mut answer = settings.answer;
         let (mut accepted, mut progress_at) = (0, Instant::now());
+        self.connection.line.outbox.send(&Command::Sweep { sweep });
         for tries in 1u32.. {
             if tries > 1 {
                 self.connection.line.outbox.send(&Command::Status);
             }
-            self.connection.line.outbox.send(&Command::Sweep { sweep });
             let mut asked = Instant::now();
             while self.waits_for(asked, answer) {
                 let news = self.hear(Some(assembly), watch)?;
@@ -303,6 +303,10 @@ impl Session<'_> {
                     }
                     if status.pulses.accepted > accepted {
                         (accepted, progress_at) = (status.pulses.accepted, Instant::now());
+                    } else if tries > 1 {
+                        // All samples that arrived are processed, so that the request was lost.
+                        self.connection.line.outbox.send(&Command::Sweep { sweep });
+                        asked = Instant::now();
                     }
                 }
             }

@@ -87,7 +87,7 @@ impl ChirpExperiment {
     /// `memory_bytes`.
     ///
     /// # Errors
-    /// If the radio cannot be opened. The result of `act` is returned as it is.
+    /// If the radio cannot be opened. The result of `act` is returned unchanged.
     pub fn with_radio<T>(
         &self,
         memory_bytes: u64,

@@ -8,7 +8,7 @@
 //! z[k] = sum_p X_1,p[k] conj(X_0,p[k]) / sum_p |X_0,p[k]|^2         at carrier + k rate / P, within 0.8 of the bandwidth
 //! ```
 //!
-//! The reference channel contains the chirp as it was transmitted, with the distortion of amplifiers and filters and the
+//! The reference channel contains the transmitted chirp, with the distortion of amplifiers and filters and the
 //! phases of the synthesisers; all cancel. From here on a burst is a sweep like that of stepped carriers: profile,
 //! calibration and phase history are the same. The unambiguous range is `c / 2` times the pulse repetition interval.
 //!
