@@ -51,6 +51,7 @@ mod results;
 mod run;
 mod sidd;
 mod simulate;
+mod simulated_logs;
 mod sources;
 mod spaceborne;
 mod statistics;
