@@ -62,6 +62,7 @@ mod thread_limits;
 mod tiles;
 mod timing_model;
 mod track;
+mod truck;
 mod usage;
 mod view;
 mod vna;
