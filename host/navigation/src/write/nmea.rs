@@ -1,10 +1,10 @@
-//! NMEA 0183 sentences.
+//! Writer of NMEA 0183 sentences.
 
 use std::io::{self, Write};
 
 use super::state::{Deviations, VehicleState};
 
-/// Knots of one metre per second.
+/// Speed of one metre per second, knots.
 const KNOTS: f64 = 3600.0 / 1852.0;
 
 /// Write a sentence with its checksum; `text` is that between `$` and `*`.
@@ -13,7 +13,7 @@ pub(super) fn sentence(out: &mut dyn Write, text: &str) -> io::Result<()> {
     write!(out, "${text}*{sum:02X}\r\n")
 }
 
-/// Write the sentences of one time.
+/// Write the sentences `GGA`, `RMC`, `GST` and `HDT` of a state.
 pub(super) fn record(
     out: &mut dyn Write,
     state: &VehicleState,

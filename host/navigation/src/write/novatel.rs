@@ -1,4 +1,4 @@
-//! NovAtel ASCII records.
+//! Writer of NovAtel ASCII records.
 
 use std::io::{self, Write};
 
@@ -32,7 +32,7 @@ fn place_deviations(deviations: &Deviations) -> String {
     format!("{level:.4},{level:.4},{height:.4}")
 }
 
-/// Write `INSPVAX`.
+/// Write a record `INSPVAX` with the standard deviations.
 pub(super) fn inspvax(
     out: &mut dyn Write,
     state: &VehicleState,
@@ -55,7 +55,7 @@ pub(super) fn inspvax(
     record(out, "INSPVAXA", state.time, &body)
 }
 
-/// Write `BESTPOS` and `BESTVEL`.
+/// Write the records `BESTPOS` and `BESTVEL` of a state.
 pub(super) fn bestpos(
     out: &mut dyn Write,
     state: &VehicleState,

@@ -11,11 +11,11 @@ use crate::{Attitude, GpsTime};
 pub struct Deviations {
     /// Position along east and along north, metres.
     pub horizontal_m: f64,
-    /// Height, metres.
+    /// Height above the ellipsoid, metres.
     pub vertical_m: f64,
-    /// Velocity along each axis, m/s.
+    /// Velocity along east, north and up, m/s.
     pub velocity_m_s: f64,
-    /// Roll, pitch and azimuth, degrees.
+    /// Angles roll, pitch and azimuth, degrees.
     pub attitude_deg: f64,
 }
 
@@ -29,7 +29,7 @@ impl Deviations {
 /// Motion of a vehicle at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehicleState {
-    /// GPS time.
+    /// GPS time of the state.
     pub time: GpsTime,
     /// Position, with ellipsoidal height.
     pub place: Geodetic,
