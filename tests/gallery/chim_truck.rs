@@ -132,7 +132,7 @@ fn truck() -> Vec<Figure> {
     let phase_rad = 2.0 * TAU * CENTRE_HZ / LIGHT_M_S * NOISE_M;
     let noise_db = decibels((-phase_rad * phase_rad / 2.0).exp());
     // The pulses of a block of the image are those of its centre: the aperture is shifted by up to a sixteenth. Shifted so, this sum varies by
-    // 1 dB for a reflector; as much is for the side lobes of the others, at 30 dB below them beside a blurred one, in both images.
+    // 1 dB for a reflector; as much is for the side lobes of the others in the response of a blurred one.
     let others_db = 2.0;
     let shift_db = 0.4;
     vec![

@@ -66,7 +66,7 @@ fn read(bytes: &[u8]) -> Log {
     log
 }
 
-/// Degrees of `ddmm.mmmmmmm`.
+/// Angle of a text `ddmm.mmmmmmm` and its letter, degrees.
 fn degrees(text: &str, letter: &str) -> f64 {
     let dot = text.find('.').unwrap();
     let whole: f64 = text[..dot - 2].parse().unwrap();
