@@ -243,6 +243,7 @@ pages! {
     pairs_page_runs: "host/guide/src/howto/pairs.md",
     pictures_page_runs: "host/guide/src/howto/pictures.md",
     surfaces_page_runs: "host/guide/src/howto/surfaces.md",
+    truck_page_runs: "host/guide/src/howto/truck.md",
     velocity_page_runs: "host/guide/src/howto/velocity.md",
     cluster_page_runs: "host/guide/src/python/cluster.md",
     first_image_page_runs: "host/guide/src/tutorials/first-image.md",

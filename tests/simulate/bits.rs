@@ -7,7 +7,7 @@ use subaperture_tests::digest;
 use subaperture_tests::experiment::read_whole;
 
 /// Example scenarios and the digests of their first channels: 24 pulses with all impairments.
-const RECORDINGS: [(&str, u64); 10] = [
+const RECORDINGS: [(&str, u64); 11] = [
     ("arc", 0x9961_dc4e_215d_4f09),
     ("circular", 0x3c77_d259_51e4_2068),
     ("distributed", 0x58d6_1133_1900_e84c),
@@ -17,6 +17,7 @@ const RECORDINGS: [(&str, u64); 10] = [
     ("spotlight", 0xde0f_34e2_4f20_1273),
     ("stepped", 0x9f87_4485_545e_17ef),
     ("stripmap", 0x5cfc_f25c_1837_3ac8),
+    ("truck", 0x0007_b1cf_c92f_080a),
     ("walk", 0xecc0_1c09_ecf5_9daf),
 ];
 

@@ -140,6 +140,8 @@ pub fn experiment(waveform: Waveform, points: Vec<Scatterer>) -> Experiment {
         reference: Reference::Point(DVec3::ZERO),
         seed: 11,
         method: Method::Sum,
+        collection_start: None,
+        logs: Vec::new(),
     }
 }
 

@@ -47,6 +47,13 @@ impl OutputClaims {
         }
     }
 
+    /// State that a description among the inputs names an output at this path: one of its mentions is no input.
+    pub fn is_named_output(&mut self, path: &Path) {
+        if let Some(at) = self.inputs.iter().position(|input| same_path(input, path)) {
+            self.inputs.remove(at);
+        }
+    }
+
     /// Claim a file.
     ///
     /// # Errors

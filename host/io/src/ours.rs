@@ -11,6 +11,7 @@
 //! | JSON | its `schema` begins with `subaperture-`; in a truncated file the first key counts |
 //! | text (HTML, Markdown) | the first line contains `written by subap` |
 //! | description (TOML) | the first line contains `written by subap` and the CRC-32 of the rest, so that an edited file belongs to its editor |
+//! | navigation log | the first line contains `written by subap`, or SBET without acceleration and rates |
 //! | array (NumPy) | a JSON or TOML record of this program in the same folder states its size and CRC-32 |
 //!
 //! An empty file may always be replaced.
@@ -76,6 +77,8 @@ pub enum Kind {
     Array,
     /// Moving targets, STANAG 4607 packet.
     Gmtif,
+    /// Simulated navigation log: text, or SBET without acceleration and rates.
+    NavigationLog,
 }
 
 impl Kind {
@@ -109,7 +112,9 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         Kind::Record => {
             schema(&file).is_some_and(|s| s.starts_with(SCHEMA)) || begins_as_record(&mut file)?
         }
-        Kind::Text => {
+        Kind::NavigationLog if is_our_sbet(&file)? => true,
+        Kind::Text | Kind::NavigationLog => {
+            file.rewind()?;
             let mut start = Vec::new();
             file.take(400).read_to_end(&mut start)?;
             let first = start.split(|&b| b == b'\n').next().unwrap_or_default();
@@ -134,6 +139,7 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         Kind::Record => "it is not a record written by subap",
         Kind::Text => "it is not a text written by subap",
         Kind::Description => "it is not a description written by subap, or was edited afterwards",
+        Kind::NavigationLog => "it is not a navigation log written by subap",
         Kind::Gmtif => "it is not a STANAG 4607 packet of version 30",
         Kind::Array => "it is not an array stated by a record of subap in the same folder",
     }))
@@ -147,6 +153,15 @@ fn starts_with(file: &mut File, magic: &[u8]) -> io::Result<bool> {
 
 fn contains(bytes: &[u8], part: &[u8]) -> bool {
     bytes.windows(part.len()).any(|window| window == part)
+}
+
+/// Whether this is an SBET whose first record has acceleration and rates of exactly 0, which no instrument measures.
+fn is_our_sbet(file: &File) -> io::Result<bool> {
+    let whole = file.metadata()?.len() % 136 == 0;
+    let mut record = Vec::new();
+    file.take(136).read_to_end(&mut record)?;
+    let zero = |bytes: &[u8]| bytes.iter().all(|&byte| byte == 0);
+    Ok(whole && record.len() == 136 && !zero(&record[..88]) && zero(&record[88..]))
 }
 
 /// Element that marks the files of [`super::cphd::write()`].

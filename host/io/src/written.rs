@@ -28,6 +28,9 @@ pub enum FileKind {
     Array,
     /// Antenna positions over time, CSV.
     Track,
+    /// Navigation log of a simulated vehicle: NMEA, NovAtel ASCII or SBET.
+    #[serde(rename = "navigation log")]
+    NavigationLog,
     /// Phases over pulses, CSV.
     #[serde(rename = "phase correction")]
     PhaseCorrection,

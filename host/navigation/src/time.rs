@@ -53,6 +53,31 @@ impl GpsTime {
         Self::of_utc(day, seconds, leap_seconds(day))
     }
 
+    /// Time `seconds` later, rounded to milliseconds.
+    pub fn later(self, seconds: f64) -> Self {
+        let in_week = self.seconds + seconds;
+        let weeks = (in_week / WEEK_S).floor();
+        let rounded = ((in_week - weeks * WEEK_S) * 1e3).round() / 1e3;
+        let over = rounded >= WEEK_S;
+        Self {
+            week: self
+                .week
+                .saturating_add_signed(weeks as i32 + i32::from(over)),
+            seconds: if over { 0.0 } else { rounded },
+        }
+    }
+
+    /// UTC date (year, month, day) and milliseconds of the day. A leap second counts as the first second of the next day.
+    pub(crate) fn utc_date_ms(self) -> ([i64; 3], i64) {
+        const DAY_MS: i64 = 86_400_000;
+        let ms = i64::from(self.week) * 7 * DAY_MS + (self.seconds * 1e3).round() as i64;
+        let of = |leap_s: i32| ms - i64::from(leap_s) * 1000;
+        let day = |ms: i64| FIRST_DAY + ms.div_euclid(DAY_MS);
+        // Leap seconds of the UTC day, which may be the day before that of GPS time.
+        let utc_ms = of(leap_seconds(day(of(leap_seconds(day(ms))))));
+        (date(day(utc_ms)), utc_ms.rem_euclid(DAY_MS))
+    }
+
     /// From a UTC day, seconds of that day, and the leap seconds (GPS time minus UTC); `None` before 1980 or after some millions of weeks.
     pub(crate) fn of_utc(day: i64, seconds: f64, leap_s: i32) -> Option<Self> {
         let days = day - FIRST_DAY;
@@ -96,6 +121,22 @@ pub(crate) fn day_number(year: i64, month: i64, day: i64) -> Option<i64> {
     let leaps = y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400);
     // 719468 days from 1 March of year 0 to 1 January 1970.
     Some(y * 365 + leaps + of_year - 719_468)
+}
+
+/// Gregorian date (year, month, day) of a number of days since 1 January 1970; inverse of [`day_number`].
+fn date(day: i64) -> [i64; 3] {
+    let days = day + 719_468;
+    let (era, of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let (month, next) = if month < 10 {
+        (month + 3, 0)
+    } else {
+        (month - 9, 1)
+    };
+    [era * 400 + year + next, month, day]
 }
 
 /// GPS time minus UTC, seconds, on a day (days since 1 January 1970).
@@ -144,6 +185,38 @@ mod tests {
         assert_eq!(at(1980, 1, 6), 0);
         assert_eq!((at(2016, 12, 31), at(2017, 1, 1)), (17, 18));
         assert_eq!((at(1999, 1, 1), at(2026, 1, 1)), (13, 18));
+    }
+
+    #[test]
+    fn gps_times_convert_to_utc_dates() {
+        // The inverse of the receiver's record above, and dates around leap days and leap seconds.
+        let at = |week, seconds| GpsTime { week, seconds }.utc_date_ms();
+        assert_eq!(at(1820, 160_206.0), ([2014, 11, 24], 73_790_000));
+        assert_eq!(at(1821, 15.5), ([2014, 11, 29], 86_399_500));
+        for (y, m, d) in [
+            (1980, 1, 6),
+            (2000, 2, 29),
+            (2016, 12, 31),
+            (2017, 1, 1),
+            (2100, 3, 1),
+            (2024, 12, 31),
+        ] {
+            for seconds in [0.0, 0.001, 86_399.999] {
+                let day = day_number(y, m, d).unwrap();
+                let time = GpsTime::of_utc(day, seconds, leap_seconds(day)).unwrap();
+                let ms = (seconds * 1e3).round() as i64;
+                assert_eq!(time.utc_date_ms(), ([y, m, d], ms), "{y}-{m}-{d}");
+            }
+        }
+    }
+
+    #[test]
+    fn later_times_continue_in_the_next_week() {
+        let at = |week, seconds| GpsTime { week, seconds };
+        assert_eq!(at(100, 604_799.5).later(0.75), at(101, 0.25));
+        assert_eq!(at(100, 604_799.5).later(0.4999), at(101, 0.0));
+        assert_eq!(at(101, 0.25).later(-0.5), at(100, 604_799.75));
+        assert_eq!(at(100, 1.0).later(0.0004), at(100, 1.0));
     }
 
     #[test]

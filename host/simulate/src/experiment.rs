@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::engine::Method;
+use super::navigation_log::NavigationLog;
 use super::scene::Scene;
 use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::Channel;
@@ -32,6 +33,10 @@ pub struct Experiment {
     pub seed: u64,
     /// Method for sums over scatterers.
     pub method: Method,
+    /// Date and time of time 0, UTC, as `YYYY-MM-DDThh:mm:ss.ssssssZ`; `None` if unspecified.
+    pub collection_start: Option<String>,
+    /// Navigation logs of the true track.
+    pub logs: Vec<NavigationLog>,
 }
 
 /// Transmitter and receiver of a channel, by index.

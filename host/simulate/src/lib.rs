@@ -16,6 +16,7 @@
 //!
 //! - [`scene`] contains the reflecting objects, [`subaperture_model::radar`] the radar, [`subaperture_model::track`]
 //!   its motion, [`track`] random perturbations of the motion.
+//! - [`navigation_log`] writes navigation logs of the true track.
 //! - [`engine`] computes the sum over all scatterers of the scene for one pulse of one antenna pair. No other part of
 //!   the simulator computes echoes.
 //! - [`subaperture_io::receive`] converts echoes, simulated or recorded, into phase history. The simulator makes phase
@@ -30,6 +31,7 @@
 mod channel;
 pub mod engine;
 pub mod experiment;
+pub mod navigation_log;
 mod plain;
 mod preset;
 pub mod random;

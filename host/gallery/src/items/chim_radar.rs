@@ -52,5 +52,7 @@ pub(super) fn standing(
         reference: Reference::Range(0.0),
         seed: 1,
         method: Method::Sum,
+        collection_start: None,
+        logs: Vec::new(),
     }
 }

@@ -11,7 +11,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Weights};
+use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory};
 use subaperture_plot::{Panel, PlotError, Scale, panels};
 use subaperture_signal::window::Window;
 use subaperture_simulate::experiment::{Experiment, Pair};
@@ -192,7 +192,7 @@ pub(super) fn form_weighted(
     former: &dyn ImageFormer,
     window: Window,
 ) -> Result<Image, FormError> {
-    let weights = Weights::new(history.collection(), window, window);
+    let weights = former.weights(history.collection(), grid, window, window)?;
     let task = Task {
         history,
         grid,

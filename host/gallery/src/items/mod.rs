@@ -17,6 +17,7 @@ mod chim_residual_phase;
 mod chim_resolution;
 mod chim_stepped;
 mod chim_strip;
+mod chim_truck;
 mod cost;
 mod difference;
 mod forming;
@@ -51,6 +52,7 @@ pub fn items() -> Vec<Item> {
         &chim_range_doppler::ITEMS,
         &chim_omega_k::ITEMS,
         &chim_painting::ITEMS,
+        &chim_truck::ITEMS,
         &chim_resolution::ITEMS,
         &chim_radio::CHIRP,
         &chim_stepped::ITEMS,

@@ -2,7 +2,7 @@
 
 /// Nanoseconds since the beginning of 1970, without leap seconds; `None` for other text. Digits after the ninth of a second are
 /// ignored.
-pub(crate) fn nanoseconds(text: &str) -> Option<i64> {
+pub fn nanoseconds(text: &str) -> Option<i64> {
     let (date, time) = text.trim().strip_suffix('Z')?.split_once('T')?;
     let [year, month, day] = numbers(date, '-')?;
     let (time, fraction) = time.split_once('.').unwrap_or((time, ""));

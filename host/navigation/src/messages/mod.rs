@@ -16,6 +16,8 @@ use crate::{Options, Record};
 use frame::{Event, Frames, Message};
 use nmea::Sentences;
 
+pub(crate) use frame::crc;
+
 const UNCHECKED: &str = "NMEA sentences have no checksum: damaged digits are not detected";
 const ABBREVIATED: &str = "NovAtel abbreviated ASCII records have no CRC: damaged digits are not detected (LOG BESTPOSA writes a CRC)";
 

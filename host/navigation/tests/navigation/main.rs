@@ -5,3 +5,4 @@ mod forms;
 mod fusion;
 mod readers;
 mod write;
+mod written;

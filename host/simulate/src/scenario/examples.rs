@@ -1,7 +1,7 @@
 //! Example scenarios, as printed by `subap simulate --example NAME`.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 10] = [
+const EXAMPLES: [(&str, &str); 11] = [
     ("spotlight", include_str!("examples/spotlight.toml")),
     ("stripmap", include_str!("examples/stripmap.toml")),
     ("circular", include_str!("examples/circular.toml")),
@@ -11,11 +11,12 @@ const EXAMPLES: [(&str, &str); 10] = [
     ("gmti", include_str!("examples/gmti.toml")),
     ("arc", include_str!("examples/arc.toml")),
     ("walk", include_str!("examples/walk.toml")),
+    ("truck", include_str!("examples/truck.toml")),
     ("distributed", include_str!("examples/distributed.toml")),
 ];
 
 /// Names of the examples.
-pub fn names() -> [&'static str; 10] {
+pub fn names() -> [&'static str; 11] {
     EXAMPLES.map(|(name, _)| name)
 }
 

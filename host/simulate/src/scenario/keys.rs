@@ -35,6 +35,9 @@ pub(super) struct ScenarioKeys {
     /// Method for sums over scatterers: by non-uniform FFT, or by the plain sum, which is slow and the reference for the fast method.
     #[key(default = "fast")]
     pub(super) method: Summation,
+    /// Date and time of time 0, UTC, stated by CPHD and by navigation logs.
+    #[key(example = "2017-05-04T14:00:00Z")]
+    pub(super) collection_start: Option<Located<String>>,
     #[section]
     pub(super) scene: SceneKeys,
     /// Waveform, timing and antennas of the radar.
@@ -44,6 +47,8 @@ pub(super) struct ScenarioKeys {
     pub(super) platform: PlatformKeys,
     #[section]
     pub(super) navigation: Option<NavigationKeys>,
+    #[section]
+    pub(super) log: Vec<NavigationLogKeys>,
 }
 
 #[derive(Clone, Copy, Choice)]
@@ -391,4 +396,50 @@ pub(super) struct NavigationKeys {
     /// Correlation time of both drifts.
     #[key(default = "60 s", positive)]
     pub(super) drift_time_s: f64,
+}
+
+/// Navigation log of the true track, as an instrument on the platform writes it. It is written next to the recording, and needs
+/// collection_start and the latitude and longitude of [scene.origin].
+#[section]
+pub(super) struct NavigationLogKeys {
+    #[at]
+    pub(super) header: Location,
+    /// File name.
+    #[key(required = "drive.log")]
+    pub(super) file: Located<PathBuf>,
+    /// NMEA 0183 (GGA, RMC, GST, HDT), NovAtel ASCII INSPVAX, NovAtel ASCII BESTPOS and BESTVEL, or SBET.
+    #[key(required = "inspvax")]
+    pub(super) format: LogFormatKey,
+    /// Records per second, from one second before the first pulse to one second after the last.
+    #[key(default = "20 Hz", within(1e-3, 1e3, "0.001 to 1000 Hz"))]
+    pub(super) rate_hz: Located<f64>,
+    /// Standard deviation of positions along east and along north, also the stated one.
+    #[key(default = "0 m", within(0.0, 1e4, "0 to 10 km"))]
+    pub(super) horizontal_m: f64,
+    /// Standard deviation of heights.
+    #[key(default = "0 m", within(0.0, 1e4, "0 to 10 km"))]
+    pub(super) vertical_m: f64,
+    /// Standard deviation of each component of velocity.
+    #[key(default = "0 m/s", within(0.0, 1e3, "0 to 1000 m/s"))]
+    pub(super) velocity_m_s: f64,
+    /// Standard deviation of roll, pitch and azimuth.
+    #[key(default = "0 deg", within(0.0, 0.5, "0 to 0.5 rad"))]
+    pub(super) attitude_rad: f64,
+    /// Lever arm from the middle of transmitters and receivers to the navigation antenna, in body axes: x forward, y left, z up.
+    #[key(default = "0, 0, 0 m")]
+    pub(super) lever_arm_m: DVec3,
+    /// Height of the geoid above the ellipsoid that the log states.
+    #[key(default = "0 m", within(-200.0, 200.0, "-200 to 200 m"))]
+    pub(super) undulation_m: f64,
+    /// Start and end of outages, from time 0 of the collection: the log has no records within.
+    #[key(example = ["2 s, 5 s"], rows(1, Time, Time))]
+    pub(super) outages: Located<Vec<(f64, f64)>>,
+}
+
+#[derive(Clone, Copy, Choice)]
+pub(super) enum LogFormatKey {
+    Nmea,
+    Inspvax,
+    Bestpos,
+    Sbet,
 }

@@ -46,6 +46,7 @@
 mod check;
 pub mod examples;
 mod keys;
+mod logs;
 mod platform;
 mod scene;
 
@@ -156,6 +157,7 @@ impl Scenario {
             memory_bytes - pulses_bytes,
         )
         .map_err(one)?;
+        let logs = logs::build(&top, &radar).map_err(one)?;
         let experiment = Experiment {
             name: top.name.clone(),
             frame: place.frame,
@@ -170,6 +172,8 @@ impl Scenario {
                 Summation::Sum => Method::Sum,
                 Summation::Fast => Method::Fast,
             },
+            collection_start: top.collection_start.as_ref().map(|text| text.to_string()),
+            logs,
         };
         let faults = check::check(&top, &experiment);
         if !faults.is_empty() {

@@ -109,9 +109,14 @@ fn every_key_is_accepted_and_read() {
                 if *variant == "fmcw" {
                     text = text.replace("0, -5, 3 km", "0, -50, 3 m");
                 }
+                if section.path == "log" {
+                    text = format!("collection_start = \"2017-05-04T14:00:00Z\"\n{text}");
+                }
                 if *variant == "novatel" {
                     text = text.replace("track.csv", "track.log");
-                    // The log lies near 0 N, 0 E; a scene on the Earth needs its origin.
+                }
+                // A log states places on the Earth, which needs the scene's origin.
+                if *variant == "novatel" || section.path == "log" {
                     text =
                         text.replace("[scene.origin]\n", "[scene.origin]\nlatitude = \"0 deg\"\n");
                 }
@@ -381,4 +386,56 @@ fn velocity_spread_out_of_range_is_refused_at_line_and_column() {
     change("\"nan m/s\"", 19, "expected a number, then a unit");
     change("nan", 19, "is a number without a unit");
     change("\"0.1 m\"", 19, "expected a speed, found a length");
+}
+
+#[test]
+fn logs_without_date_origin_or_own_name_are_refused_at_line_and_column() {
+    const DATE: (&str, &str) = (
+        "[radar]\n",
+        "collection_start = \"2017-05-04T14:00:00Z\"\n[radar]\n",
+    );
+    let speed = "velocity = \"100, 0, 0 m/s\"\n";
+    let logs = |origin: &str, logs: &[&str]| {
+        let logs: String = logs.iter().map(|log| format!("[[log]]\n{log}\n")).collect();
+        format!("{speed}{origin}{logs}")
+    };
+    let log = "file = \"a.log\"\nformat = \"nmea\"";
+    let origin = "[scene.origin]\nlatitude = \"40 deg\"\n";
+    let sound = SOUND
+        .replace(DATE.0, DATE.1)
+        .replace(speed, &logs(origin, &[log]));
+    let experiment = Scenario::new("a.toml", &sound, ".").experiment().unwrap();
+    assert_eq!(experiment.logs.len(), 1);
+    refuse(&[(speed, &logs(origin, &[log]))], 20, 1, "collection_start");
+    refuse(&[DATE, (speed, &logs("", &[log]))], 19, 1, "[scene.origin]");
+    let wrong_date = ("[radar]\n", "collection_start = \"yesterday\"\n[radar]\n");
+    refuse(&[wrong_date], 1, 20, "expected a date");
+    refuse(
+        &[DATE, (speed, &logs(origin, &[log, log]))],
+        25,
+        8,
+        "two navigation logs",
+    );
+    for name in ["../a.log", "/a.log", "a/b.log", ".."] {
+        let other = log.replace("a.log", name);
+        refuse(
+            &[DATE, (speed, &logs(origin, &[&other]))],
+            22,
+            8,
+            "without folders",
+        );
+    }
+    let outage = format!("{log}\noutages = [\"2 s, 1 s\"]");
+    refuse(
+        &[DATE, (speed, &logs(origin, &[&outage]))],
+        24,
+        11,
+        "end of an outage",
+    );
+    let fast = format!("{log}\nrate = \"1001 Hz\"");
+    refuse(&[DATE, (speed, &logs(origin, &[&fast]))], 24, 8, "1000 Hz");
+    let fast = format!("{log}\nrate = \"1000 Hz\"");
+    let long = ("pri = \"1 ms\"", "pri = \"1000 s\"");
+    let many = (speed, &*logs(origin, &[&fast]));
+    refuse(&[DATE, long, many], 24, 8, "at most 10000000");
 }

@@ -1,15 +1,17 @@
 //! `subap simulate`: simulate a collection as CPHD 1.1 or as raw echoes.
 
-use std::path::Path;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::json;
 use subaperture::focus::forecast::{self, Forecast};
 use subaperture::io::cphd::{self, Channel, Domain, ReferenceSurface, Sgn, WriteOptions};
-use subaperture::io::ours::Kind;
+use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::recording::{self, Raw};
 use subaperture::io::together::FileSet;
+use subaperture::io::written::FileKind;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::radar::MountedAntennas;
 use subaperture::receive::Echoes;
@@ -37,6 +39,11 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         }
         let preparing = session.progress("preparing");
         let experiment = experiment(session, path, typed)?;
+        let logs = log_paths(typed, &experiment);
+        for log in &logs {
+            claims.is_named_output(log);
+            claims.file(log, Kind::NavigationLog)?;
+        }
         let recordings = record(session, &experiment)
             .with_context(|| format!("cannot simulate {}", path.display()))?;
         preparing.finish();
@@ -51,15 +58,23 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
                 channel.with_antennas(recording.echoes().carried())
             })
             .collect();
-        if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.rehearsal)? {
+        let options = options(typed, experiment.collection_start.as_deref());
+        let sizes = experiment
+            .logs
+            .iter()
+            .map(|log| log.max_bytes(&experiment.radar));
+        let sizes = logs.iter().cloned().zip(sizes).collect();
+        let ahead = ahead(session, typed, &options, &channels, &recordings, sizes)?;
+        if ahead.announce(session, &typed.rehearsal)? {
             return Ok(());
         }
         let mut written = Written::default();
+        written.add_logs(&experiment, &logs)?;
         if let Some(folder) = &typed.echoes {
             written.add_echoes(session, folder, &recordings)?;
         }
         if let Some(out) = &typed.out {
-            written.add_history(session, typed, out, &channels)?;
+            written.add_history(session, &options, out, &channels)?;
         }
         return written.commit(session, start);
     }
@@ -68,11 +83,13 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         claims.file(out, Kind::Collection)?;
         let simulated = preset.simulate(&variation(typed));
         let channels = [Channel::new("1", &simulated)];
-        if ahead(session, typed, &channels, &[])?.announce(session, &typed.rehearsal)? {
+        let options = options(typed, None);
+        let ahead = ahead(session, typed, &options, &channels, &[], Vec::new())?;
+        if ahead.announce(session, &typed.rehearsal)? {
             return Ok(());
         }
         let mut written = Written::default();
-        written.add_history(session, typed, out, &channels)?;
+        written.add_history(session, &options, out, &channels)?;
         return written.commit(session, start);
     }
     Ok(())
@@ -148,21 +165,32 @@ fn variation(typed: &Simulate) -> Variation {
     }
 }
 
-/// Predicted cost of the files. Each channel takes as long per pulse as the first.
+/// Paths of the scenario's navigation logs: next to the CPHD file, or else next to the folder of echoes.
+fn log_paths(typed: &Simulate, experiment: &Experiment) -> Vec<PathBuf> {
+    let recording = typed.out.as_ref().or(typed.echoes.as_ref());
+    let folder = recording.and_then(|path| path.parent());
+    let folder = folder.unwrap_or(Path::new(""));
+    let logs = experiment.logs.iter();
+    logs.map(|log| folder.join(&log.file)).collect()
+}
+
+/// Predicted cost of the files, with the sizes of navigation logs. Each channel takes as long per pulse as the first.
 fn ahead(
     session: &Session,
     typed: &Simulate,
+    options: &WriteOptions,
     channels: &[Channel],
     recordings: &[(String, Recording)],
+    logs: Vec<(PathBuf, u64)>,
 ) -> anyhow::Result<Ahead> {
     let first = channels[0].history.collection();
     let pulses = |channel: &Channel| channel.history.collection().pulses.len() as u64;
     let all: u64 = channels.iter().map(pulses).sum();
     let measure = typed.rehearsal.dry_run || all * first.num_samples as u64 > MANY_SAMPLES;
-    let mut disk = Vec::new();
+    let mut disk = logs;
     let mut parts: Vec<Forecast> = Vec::new();
     if let Some(out) = &typed.out {
-        disk.push((out.clone(), cphd::file_bytes(channels, &options(typed))?));
+        disk.push((out.clone(), cphd::file_bytes(channels, options)?));
         if measure {
             parts.push(reading(channels[0].history)?);
         }
@@ -198,8 +226,10 @@ fn ahead(
 }
 
 /// Options of the CPHD writer.
-fn options(typed: &Simulate) -> WriteOptions {
+fn options(typed: &Simulate, collection_start: Option<&str>) -> WriteOptions {
+    let unstated = WriteOptions::default();
     WriteOptions {
+        collection_start: collection_start.map_or(unstated.collection_start, str::to_owned),
         domain: match typed.domain {
             SignalDomain::Fx => Domain::Fx,
             SignalDomain::Toa => Domain::Toa,
@@ -209,7 +239,7 @@ fn options(typed: &Simulate) -> WriteOptions {
             DeclaredSurface::Hae => ReferenceSurface::Hae,
         },
         sgn: if typed.sgn < 0 { Sgn::Minus } else { Sgn::Plus },
-        ..WriteOptions::default()
+        ..unstated
     }
 }
 
@@ -262,15 +292,32 @@ impl Written {
         Ok(())
     }
 
+    fn add_logs(&mut self, experiment: &Experiment, paths: &[PathBuf]) -> anyhow::Result<()> {
+        for (index, (log, path)) in experiment.logs.iter().zip(paths).enumerate() {
+            let remark = format!("{TEXT_MARK} simulate");
+            let most_bytes = log.max_bytes(&experiment.radar);
+            self.files
+                .write(path, FileKind::NavigationLog, most_bytes, |file| {
+                    let mut out = BufWriter::new(file);
+                    experiment.write_log(index, &remark, &mut out)?;
+                    out.flush()
+                })?;
+            let rate = text::hertz(log.rate_hz);
+            self.lines
+                .push(format!("{}: navigation log at {rate}", path.display()));
+        }
+        Ok(())
+    }
+
     fn add_history(
         &mut self,
         session: &Session,
-        typed: &Simulate,
+        options: &WriteOptions,
         out: &Path,
         channels: &[Channel],
     ) -> anyhow::Result<()> {
         let progress = session.progress("simulating");
-        cphd::add_to(&mut self.files, out, channels, &options(typed), &progress)?;
+        cphd::add_to(&mut self.files, out, channels, options, &progress)?;
         progress.finish();
         for channel in channels {
             if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
