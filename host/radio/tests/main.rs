@@ -11,4 +11,5 @@ mod rail;
 mod recordings;
 mod rig;
 mod scene;
+mod selftest;
 mod walk;

@@ -3,6 +3,7 @@
 mod analyser;
 mod autofocus;
 mod capture;
+mod checks;
 mod compare;
 mod completions;
 mod crosscheck;
@@ -15,6 +16,7 @@ mod info;
 mod link;
 mod live;
 mod man;
+mod module;
 mod navigation;
 mod pair;
 mod picture;
@@ -55,6 +57,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Velocity(typed) => velocity::run(session, &typed),
         Command::Gmti(typed) => gmti::run(session, &typed),
         Command::Link(typed) => link::run(session, &typed),
+        Command::Module(typed) => module::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Recording(typed) => recording::run(&typed),
         Command::Track(typed) => track::run(session, &typed),
