@@ -49,10 +49,11 @@ fn healthy_radio_is_reported_as_passed_and_simulated() {
     assert_eq!(written["settings"]["sample_rate_hz"], 1e6);
     assert_eq!(written["retunes"].as_array().unwrap().len(), 8);
     assert_eq!(verdict(&written, "noise floor: receiver 1"), "passed");
-    // The same report on standard output. It replaces the earlier one only on request.
-    let line = "radio selftest thesis.toml --stream 0.2 --json -o report.json";
-    run(at, line).failed(1, &["report.json", "--force"]);
-    let ran = run(at, &format!("{line} --force"));
+    // The same report on standard output. It replaces the earlier one, and no file of another program.
+    fs::write(at.join("other.json"), "{\"own\": 1}").unwrap();
+    let line = "radio selftest thesis.toml --stream 0.2 --json -o";
+    run(at, &format!("{line} other.json")).failed(1, &["other.json", "--force"]);
+    let ran = run(at, &format!("{line} report.json"));
     let said: Value = serde_json::from_str(ran.succeeded()).unwrap();
     assert_eq!(said["checks"], written["checks"]);
     assert_eq!(said["files"][0]["kind"], "record");

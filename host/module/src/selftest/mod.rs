@@ -244,7 +244,7 @@ pub fn run(
             counts.restarts + counts.reconnects,
             "a module runs without reset",
         )
-        .advised("check the power supply; subap link --events info prints the reason of a reset"),
+        .advised("check the power supply; the module's events state the reason of a reset"),
     ]);
     let instructions = match identity.arithmetic {
         Arithmetic::Float => INSTRUCTIONS[0],

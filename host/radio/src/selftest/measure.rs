@@ -1,8 +1,8 @@
 //! Measurements of the self-test.
 
 use num_complex::{Complex32, Complex64};
+use serde::Serialize;
 
-use super::Retune;
 use super::delay::{Delay, fit};
 use crate::error::RadioError;
 use crate::plan::{MAX_SAMPLES, Plan};
@@ -17,6 +17,16 @@ const DELAY_CARRIERS: usize = 64;
 const REPEATED: (usize, usize) = (4, 8);
 /// Duration of a burst of streaming, seconds.
 const STREAM_BURST_S: f64 = 0.1;
+
+/// Retune time of a carrier.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Retune {
+    /// Frequency of the carrier, hertz.
+    pub carrier_hz: f64,
+    /// Time until the tone is steady, seconds; `None` if it is not steady within the test's window or samples are
+    /// lost.
+    pub settled_s: Option<f64>,
+}
 
 /// Measured values; those that were not reached are empty.
 #[derive(Debug, Default)]

@@ -39,6 +39,8 @@ use crate::{Reference, SIMULATED_SERIAL};
 
 use measure::{Bench, Measured};
 
+pub use measure::Retune;
+
 /// Schema of the report.
 const SCHEMA: &str = "subaperture-radio-selftest";
 
@@ -87,16 +89,6 @@ pub struct PlanSettings {
     pub steady: f64,
     pub bursts: u32,
     pub reference: Reference,
-}
-
-/// Retune time of a carrier.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Retune {
-    /// Frequency of the carrier, hertz.
-    pub carrier_hz: f64,
-    /// Time until the tone is steady, seconds; `None` if it is not steady within the test's window or samples are
-    /// lost.
-    pub settled_s: Option<f64>,
 }
 
 /// Test a radio with the settings of `plan`. Errors of the radio end the measurements and are a failed check of the
