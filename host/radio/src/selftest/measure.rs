@@ -7,7 +7,7 @@ use super::delay::{Delay, fit};
 use crate::error::RadioError;
 use crate::plan::{MAX_SAMPLES, Plan};
 use crate::tone::{Mixed, Tone};
-use crate::transceiver::{Burst, Received, Sample, Side, Transceiver};
+use crate::transceiver::{Burst, Configuration, Received, Sample, Side, Transceiver};
 
 /// Carriers of the measurement of retune times.
 const RETUNES: usize = 8;
@@ -32,6 +32,8 @@ pub struct Retune {
 #[derive(Debug, Default)]
 pub(super) struct Measured {
     pub(super) error: Option<String>,
+    /// Settings in effect.
+    pub(super) settings: Option<Configuration>,
     /// Readings of the lock sensors, and those without lock of the transmitter and of the receivers.
     pub(super) readings: u64,
     pub(super) unlocked: [u64; 2],

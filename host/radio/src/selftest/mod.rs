@@ -101,14 +101,10 @@ pub fn run(
 ) -> Report<Tested> {
     let about = radio.about().clone();
     let mut measured = Measured::default();
-    let settings = match test(radio, plan, options, &mut measured) {
-        Ok(set) => Some(set),
-        Err((error, set)) => {
-            measured.error = Some(error.to_string());
-            set
-        }
-    };
-    let checks = checks(plan, settings.as_ref(), &about.ranges, options, &measured);
+    if let Err(error) = test(radio, plan, options, &mut measured) {
+        measured.error = Some(error.to_string());
+    }
+    let checks = checks(plan, &about.ranges, options, &measured);
     let tested = Tested {
         simulated: about.serial.starts_with(SIMULATED_SERIAL),
         product: about.product,
@@ -128,29 +124,22 @@ pub fn run(
             bursts: plan.bursts,
             reference: plan.reference,
         },
-        settings,
+        settings: measured.settings,
         retunes: measured.retunes,
     };
     Report::new(SCHEMA, date, tested, checks)
 }
-
-/// Error that ended the test, with the settings in effect until then.
-type Ended = (RadioError, Option<Configuration>);
 
 fn test(
     radio: &mut dyn Transceiver,
     plan: &Plan,
     options: &Options,
     measured: &mut Measured,
-) -> Result<Configuration, Ended> {
-    let ready = prepare(radio, plan).map_err(|error| (error, None))?;
-    let rate_hz = ready.set.sample_rate_hz;
-    let mut bench = Bench::new(radio, plan, rate_hz, measured);
-    let done = bench.all(options.stream_s);
-    match done {
-        Ok(()) => Ok(ready.set),
-        Err(error) => Err((error, Some(ready.set))),
-    }
+) -> Result<(), RadioError> {
+    let set = prepare(radio, plan)?.set;
+    let rate_hz = set.sample_rate_hz;
+    measured.settings = Some(set);
+    Bench::new(radio, plan, rate_hz, measured).all(options.stream_s)
 }
 
 /// Reason for a missing value after an error.
@@ -166,13 +155,7 @@ impl Measured {
     }
 }
 
-fn checks(
-    plan: &Plan,
-    set: Option<&Configuration>,
-    ranges: &Ranges,
-    options: &Options,
-    measured: &Measured,
-) -> Vec<Check> {
+fn checks(plan: &Plan, ranges: &Ranges, options: &Options, measured: &Measured) -> Vec<Check> {
     let mut checks = vec![
         Check::faults("driver errors", measured.error.iter().count() as u64, "")
             .noted(measured.error.as_deref().unwrap_or_default()),
@@ -182,7 +165,7 @@ fn checks(
     checks.push(retune_time(plan, ranges, measured));
     checks.extend(delays(plan, options, measured));
     checks.push(repeatability(plan, measured));
-    checks.extend(noise(plan, set, measured));
+    checks.extend(noise(plan, measured));
     checks
 }
 
@@ -322,9 +305,9 @@ fn repeatability(plan: &Plan, measured: &Measured) -> Check {
     )
 }
 
-fn noise(plan: &Plan, set: Option<&Configuration>, measured: &Measured) -> [Check; 2] {
+fn noise(plan: &Plan, measured: &Measured) -> [Check; 2] {
     let name = |channel: usize| format!("noise floor: receiver {channel}");
-    let found = (measured.noise, measured.weakest_tones(), set);
+    let found = (measured.noise, measured.weakest_tones(), &measured.settings);
     let (Some(noise), Some(tones), Some(set)) = found else {
         return [0, 1]
             .map(|channel| Check::not_measured(name(channel), "dBFS", measured.missing()));
