@@ -374,7 +374,7 @@ pub(crate) struct Link {
     pub(crate) writing: Writing,
 }
 
-/// `subap module`.
+/// Arguments of `subap module`.
 #[derive(Debug, Group)]
 pub(crate) struct Module {
     #[command(subcommand)]
@@ -388,7 +388,7 @@ pub(crate) enum ModuleTask {
     Selftest(ModuleSelftest),
 }
 
-/// `subap module selftest`.
+/// Arguments of `subap module selftest`.
 #[derive(Debug, Group)]
 #[command(
     after_help = "The exit status is 1 if a check failed. The report (--out) is one JSON file to send to the developers."

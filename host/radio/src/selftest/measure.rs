@@ -32,7 +32,7 @@ pub struct Retune {
 #[derive(Debug, Default)]
 pub(super) struct Measured {
     pub(super) error: Option<String>,
-    /// Settings in effect.
+    /// Settings in effect on the radio.
     pub(super) settings: Option<Configuration>,
     /// Readings of the lock sensors, and those without lock of the transmitter and of the receivers.
     pub(super) readings: u64,

@@ -118,7 +118,7 @@ pub(crate) struct Probe {
     pub(crate) set: Vec<(String, String)>,
 }
 
-/// `subap radio selftest`.
+/// Arguments of `subap radio selftest`.
 #[derive(Debug, Group)]
 #[command(
     after_help = "Connect the transmitter, through an attenuator and a splitter, to both receivers. The exit status is 1 if a check failed.\n\
