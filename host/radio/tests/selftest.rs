@@ -157,7 +157,7 @@ fn retune_time_is_that_of_the_simulated_transient() {
     let steps = (0..2000).map(|i| 5.0 + 0.01 * f64::from(i));
     let last = steps
         .filter(|&start_ms| transient(start_ms, 3.0) > 0.005)
-        .last();
+        .next_back();
     let expected_ms = last.expect("unsteady at first");
     let settled_ms = value(&report, "retune time");
     println!("{settled_ms} ms, expected {expected_ms} ms");
@@ -337,7 +337,11 @@ impl<T: Transceiver> Transceiver for Spoiled<T> {
         let [first, second] = receive;
         let received = self.radio.burst(burst, [first, &mut *second])?;
         // 0.3 radians to both sides, in turn for each carrier of a cycle of four.
-        let sign = if self.retunes / 4 % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if (self.retunes / 4).is_multiple_of(2) {
+            1.0
+        } else {
+            -1.0
+        };
         let (sin, cos) = (0.3f64 * sign).sin_cos();
         for s in second.iter_mut().filter(|_| self.unstable) {
             let (i, q) = (f64::from(s.re), f64::from(s.im));
