@@ -6,7 +6,6 @@ use embedded_io::{Read, ReadReady, Write, WriteReady};
 use crate::board::Board;
 use crate::endpoint::Endpoint;
 use crate::engine::WireEngine;
-use crate::log;
 use crate::memory;
 use subaperture_core::link::{Event, State};
 
@@ -18,7 +17,7 @@ const READS: usize = 16;
 /// while there is work.
 pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E>) -> ! {
     let mut bytes = [0; 64];
-    let (mut was, mut lit) = (State::Idle, false);
+    let (mut was, mut lit, mut run_ticks) = (State::Idle, false, 0u64);
     loop {
         board.feed_watchdog();
         for _ in 0..READS {
@@ -38,10 +37,13 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E
             let sent = board.link().write(pending).unwrap_or(pending.len());
             endpoint.sent(sent);
         }
-        let limit = B::MAX_STEP_US.map(|most_us| (most_us, board.ticks()));
+        let before = board.ticks();
         let busy = endpoint.work();
-        if let Some((most_us, before)) = limit {
-            let ticks = board.ticks().wrapping_sub(before);
+        let ticks = board.ticks().wrapping_sub(before);
+        if busy {
+            run_ticks = run_ticks.saturating_add(ticks.into());
+        }
+        if let Some(most_us) = B::MAX_STEP_US {
             let taken_us = ticks.checked_div(B::TICKS_HZ / 1_000_000).unwrap_or(0);
             if taken_us > most_us {
                 endpoint.record(Event::StepTooLong { taken_us, most_us });
@@ -54,12 +56,13 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E
         }
         let state = endpoint.state();
         if state != was && state == State::Done {
-            log!(
-                info,
-                "run done, {} of {} bytes of stack used",
-                memory::stack_high_water_bytes(),
-                memory::stack_bytes()
-            );
+            endpoint.record(Event::RunCost {
+                stack_bytes: memory::stack_high_water_bytes() as u32,
+                stack_size_bytes: memory::stack_bytes() as u32,
+                kiloticks: u32::try_from(run_ticks / 1000).unwrap_or(u32::MAX),
+                ticks_hz: B::TICKS_HZ,
+            });
+            run_ticks = 0;
         }
         was = state;
     }

@@ -12,12 +12,14 @@
 //!
 //! Pictures are kept in `target/guide/pictures`, from where `cargo xtask guide` copies them.
 
+mod bring_up;
 mod links;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use subaperture_tests::firmware;
 use subaperture_tests::numpy::{array, stored};
 use subaperture_tests::subap::{example, program, root, run};
 
@@ -28,8 +30,19 @@ fn give(name: &str, folder: &Path) {
         "srtm" => srtm(folder),
         "rail" => rail(folder),
         "lot.cphd" => lot(folder),
+        "module" => module(folder),
         "strip.h5" => strip(folder),
         _ => panic!("no rule for '{name}'"),
+    }
+}
+
+/// Firmware for the emulated board, where `cargo xtask module` puts it.
+fn module(folder: &Path) {
+    let place = folder.join("target/module");
+    fs::create_dir_all(&place).unwrap();
+    let built = firmware::module().unwrap_or_else(|error| panic!("{error}"));
+    for (name, elf) in ["float", "fixed"].iter().zip(built) {
+        fs::copy(elf, place.join(name)).unwrap();
     }
 }
 
@@ -204,10 +217,12 @@ fn every_block_is_in_a_known_language() {
 }
 
 /// Pages with their own test below.
-const OWN_TESTS: [&str; 3] = [PHASE_HISTORY, OWN_RADAR, USRP];
+const OWN_TESTS: [&str; 5] = [PHASE_HISTORY, OWN_RADAR, USRP, B210, NUCLEO];
 const PHASE_HISTORY: &str = "host/guide/src/tutorials/phase-history.md";
 const OWN_RADAR: &str = "host/guide/src/tutorials/own-radar.md";
 const USRP: &str = "host/guide/src/tutorials/usrp.md";
+const B210: &str = "host/guide/src/tutorials/b210.md";
+const NUCLEO: &str = "host/guide/src/tutorials/nucleo.md";
 
 /// A test for each page with blocks, and one that checks that no page is left out.
 macro_rules! pages {

@@ -45,6 +45,7 @@ mod plan_focus;
 mod plan_radar;
 mod quality;
 mod quiet;
+mod radio_selftest;
 mod rail_scan;
 mod raw;
 mod recordings;

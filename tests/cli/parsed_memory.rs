@@ -57,6 +57,7 @@ fn toml_of_many_values_is_refused_before_it_is_parsed() {
             "run x.toml",
             "capture x.toml --out c",
             "radio probe x.toml",
+            "radio selftest x.toml",
             "live x.toml --out c",
         ] {
             let ran = measured(at, line, MIB);

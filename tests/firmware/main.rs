@@ -12,6 +12,7 @@ mod front_end;
 mod golden;
 mod gotcha;
 mod increments;
+mod module_selftest;
 mod profiles;
 mod selftest;
 mod serial_line;

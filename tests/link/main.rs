@@ -11,4 +11,5 @@ mod maps_file;
 mod maps_image;
 mod messages;
 mod profiles;
+mod selftest;
 mod session;

@@ -91,15 +91,27 @@ pub enum Event {
         /// Number of dropped events.
         events: u32,
     },
+    /// Cost of a run, at its end.
+    RunCost {
+        /// Largest part of the stack used since the start of the program, bytes.
+        stack_bytes: u32,
+        /// Size of the whole stack, bytes.
+        stack_size_bytes: u32,
+        /// Time of processing, in thousands of ticks of the board's timer.
+        kiloticks: u32,
+        /// Rate of the ticks, hertz. On a board that counts processor cycles, its clock.
+        ticks_hz: u32,
+    },
 }
 
 impl Event {
     /// Severity of the event.
     pub fn level(&self) -> Level {
         match self {
-            Self::Started { faults: 0 } | Self::RunStarted { .. } | Self::RunEnded { .. } => {
-                Level::Info
-            }
+            Self::Started { faults: 0 }
+            | Self::RunStarted { .. }
+            | Self::RunEnded { .. }
+            | Self::RunCost { .. } => Level::Info,
             Self::Started { .. } => Level::Error,
             Self::Refused(_)
             | Self::FramesDamaged { .. }
@@ -144,6 +156,15 @@ impl fmt::Display for Event {
             Self::EventsDropped { events } => {
                 write!(f, "{events} events dropped: line busy")
             }
+            Self::RunCost {
+                stack_bytes,
+                stack_size_bytes,
+                kiloticks,
+                ticks_hz,
+            } => write!(
+                f,
+                "{stack_bytes} of {stack_size_bytes} bytes of stack used, {kiloticks} thousand ticks at {ticks_hz} Hz"
+            ),
         }
     }
 }

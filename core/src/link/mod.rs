@@ -107,7 +107,7 @@
 //! | image capacity | pixels `u32`, sub-CPIs `u32` |
 //! | least level, if any | `u8` 0 for none; 1, level |
 //! | level | 0 `Info`, 1 `Warn`, 2 `Error` |
-//! | event | 0 `Started` faults `u32`, 1 `RunStarted` run `u32`, 2 `RunEnded` run `u32` pulses `u32` maps `u32`, 3 `Refused` refusal, 4 `FramesDamaged` frames `u32`, 5 `FramesLost` frames `u32`, 6 `PulsesDropped` pulses `u32`, 7 `SamplesAtLimit` samples `u32`, 8 `ResultsSaturated` results `u32`, 9 `StepTooLong` taken `u32` most `u32` (microseconds), 10 `EventsDropped` events `u32` |
+//! | event | 0 `Started` faults `u32`, 1 `RunStarted` run `u32`, 2 `RunEnded` run `u32` pulses `u32` maps `u32`, 3 `Refused` refusal, 4 `FramesDamaged` frames `u32`, 5 `FramesLost` frames `u32`, 6 `PulsesDropped` pulses `u32`, 7 `SamplesAtLimit` samples `u32`, 8 `ResultsSaturated` results `u32`, 9 `StepTooLong` taken `u32` most `u32` (microseconds), 10 `EventsDropped` events `u32`, 11 `RunCost` stack `u32` of `u32` (bytes) ticks `u32` (thousands) ticks per second `u32` |
 //! | state | 0 `Idle`, 1 `Ready`, 2 `Running`, 3 `Finishing`, 4 `Done` |
 //! | link counters | frames, corrupt, malformed, too long, version, lost, repeated, `u32` each |
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |

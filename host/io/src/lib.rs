@@ -68,6 +68,7 @@ pub mod recorded_track;
 #[cfg(feature = "recording")]
 pub mod recording;
 pub mod remote;
+pub mod selftest;
 pub mod stack;
 pub mod staging;
 #[cfg(feature = "recording")]

@@ -16,7 +16,8 @@
 //! - [`detections`]: positions of targets that a module detects;
 //! - [`maps`]: range-Doppler maps of patches; [`maps_file`]: their file format; [`image`]: the image formed from them;
 //! - [`crosscheck`]: comparison of the core's and the host's `rdbp` maps with a float64 sum, for every sub-CPI;
-//! - [`range_doppler`]: range-Doppler map of a sub-CPI for display.
+//! - [`range_doppler`]: range-Doppler map of a sub-CPI for display;
+//! - [`selftest`]: products of built-in recordings from a module, compared with this computer's.
 #![forbid(unsafe_code)]
 
 pub mod accumulated;
@@ -28,3 +29,4 @@ pub mod maps;
 pub mod maps_file;
 pub mod plan;
 pub mod range_doppler;
+pub mod selftest;

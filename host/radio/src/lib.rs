@@ -54,6 +54,7 @@ pub mod plan;
 pub mod profile;
 pub mod record;
 pub mod replay;
+pub mod selftest;
 pub mod sigmf;
 pub mod simulated;
 pub mod tone;
@@ -70,3 +71,9 @@ pub use transceiver::{
     About, Burst, Configuration, Event, EventKind, Range, Ranges, Received, Sample, Sensors, Side,
     Source, Transceiver,
 };
+
+/// Driver of a radio that this library computes.
+const OWN_DRIVER: &str = concat!("subaperture ", env!("CARGO_PKG_VERSION"));
+
+/// Beginning of the serial number of every simulated radio.
+const SIMULATED_SERIAL: &str = "SIM";

@@ -56,6 +56,7 @@ impl Replay {
         let about = About {
             product: "replay".to_owned(),
             serial: setup.hardware.clone(),
+            driver: crate::OWN_DRIVER.to_owned(),
             ranges: Ranges {
                 carrier_hz: Range {
                     from: setup.start_hz,

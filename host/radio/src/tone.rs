@@ -95,12 +95,6 @@ impl Tone {
         self.turns.iter().map(scale).collect()
     }
 
-    /// Samples per block of a burst of `samples`.
-    fn block(&self, samples: usize) -> usize {
-        let periods = samples / self.period() / BLOCKS;
-        periods.min(self.most_periods).max(1) * self.period()
-    }
-
     /// Demodulated mean `x_c` of a block, relative to full scale.
     fn mean(&self, samples: &[Sample]) -> Complex64 {
         let mut sum = Complex64::ZERO;
@@ -110,6 +104,34 @@ impl Tone {
             }
         }
         sum / (samples.len() as f64 * 32768.0)
+    }
+
+    /// First sample of `reference` from which on every burst of `window` samples is steady within `steady`; `None` if
+    /// the last such burst is not.
+    pub(crate) fn steady_from(
+        &self,
+        reference: &[Sample],
+        window: usize,
+        steady: f64,
+    ) -> Option<usize> {
+        let block = self.block(window);
+        let means = reference.chunks_exact(block).map(|part| self.mean(part));
+        let blocks: Vec<(usize, Complex64)> = means.enumerate().collect();
+        let count = (window / block).max(1);
+        let unsteady = |burst: &[(usize, Complex64)]| {
+            burst.iter().any(|(_, x)| *x == Complex64::ZERO) || unsteadiness(burst) > steady
+        };
+        let first = match blocks.windows(count).rposition(unsteady) {
+            Some(last) => last + 1,
+            None => 0,
+        };
+        (first + count <= blocks.len()).then_some(first * block)
+    }
+
+    /// Samples per block of a burst of `samples`, over which [`Mixed::unsteady`] averages.
+    pub(crate) fn block(&self, samples: usize) -> usize {
+        let periods = samples / self.period() / BLOCKS;
+        periods.min(self.most_periods).max(1) * self.period()
     }
 
     /// Demodulate a burst of reference and echo channels. Returns `None` if every block has lost samples or the

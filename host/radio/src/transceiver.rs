@@ -4,6 +4,7 @@
 //! than the burst it requests and the retune time of the device.
 
 use num_complex::{Complex, Complex32};
+use serde::Serialize;
 use subaperture_describe::declare::Choice;
 
 use crate::error::RadioError;
@@ -97,12 +98,15 @@ pub struct About {
     pub product: String,
     /// Serial number of the device.
     pub serial: String,
+    /// Name and version of the driver.
+    pub driver: String,
     /// Limits of its settings.
     pub ranges: Ranges,
 }
 
 /// Source of the reference clock or of the pulse per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Source {
     /// Internal oscillator of the device.
     #[default]
@@ -114,7 +118,7 @@ pub enum Source {
 }
 
 /// Settings made once before a capture.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Configuration {
     /// Master clock rate, hertz.
     pub master_clock_hz: f64,

@@ -12,4 +12,5 @@ mod recordings;
 mod rig;
 mod scatterers;
 mod scene;
+mod selftest;
 mod walk;

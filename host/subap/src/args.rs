@@ -55,7 +55,9 @@ pub(crate) use navigation::Navigation;
 pub(crate) use pair::{Pair, PairFormat};
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use quality::{Points, Quality};
-pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
+pub(crate) use radio::{
+    Calibrate, Capture, Convert, Probe, Profile, Radio, RadioSelftest, RadioTask,
+};
 pub(crate) use run::Run;
 pub(crate) use settings::defaults;
 pub(crate) use shell::{Completions, Man};
@@ -109,6 +111,8 @@ pub(crate) enum Command {
     Gmti(Gmti),
     /// Compute range-Doppler maps or an image on an embedded module, and store them
     Link(Link),
+    /// Test an embedded module
+    Module(Module),
     /// Simulate a scene: phase history as CPHD 1.1, or raw echoes
     Simulate(Simulate),
     /// Compare the embedded core (float32, fixed point) and the maps of rdbp with the float64 sum
@@ -365,6 +369,42 @@ pub(crate) struct Link {
 
     #[command(flatten)]
     pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// Arguments of `subap module`.
+#[derive(Debug, Group)]
+pub(crate) struct Module {
+    #[command(subcommand)]
+    pub(crate) task: ModuleTask,
+}
+
+/// Task for an embedded module.
+#[derive(Debug, Subcommand)]
+pub(crate) enum ModuleTask {
+    /// Send built-in recordings to a module, and compare its products bit by bit with those of this computer
+    Selftest(ModuleSelftest),
+}
+
+/// Arguments of `subap module selftest`.
+#[derive(Debug, Group)]
+#[command(
+    after_help = "The exit status is 1 if a check failed. The report (--out) is one JSON file to send to the developers."
+)]
+pub(crate) struct ModuleSelftest {
+    /// Address of the module: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or emulate:fixed
+    #[arg(value_name = "WHERE")]
+    pub(crate) place: ModuleAddress,
+
+    /// Firmware to emulate [default: target/module/float or fixed, here or above]
+    #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
+    pub(crate) firmware: Option<PathBuf>,
+
+    /// File for the report, JSON
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: Option<PathBuf>,
 
     #[command(flatten)]
     pub(crate) writing: Writing,

@@ -345,6 +345,12 @@ impl Values {
                 most_us: other,
             },
             Event::EventsDropped { events: one },
+            Event::RunCost {
+                stack_bytes: one,
+                stack_size_bytes: other,
+                kiloticks: one,
+                ticks_hz: other,
+            },
         ];
         all.extend(self.refusals().into_iter().map(Event::Refused));
         all

@@ -172,6 +172,8 @@ export! {
         put(&last, out, len)?;
     }
 
+    fn uhd_get_version_string(out: *mut c_char, len: usize) { put("4.3.0.0-stand-in", out, len)?; }
+
     fn uhd_string_vector_make(h: *mut *mut Vec<String>) { make(h, Vec::new())?; }
     fn uhd_string_vector_free(h: *mut *mut Vec<String>) { free(h)?; }
     fn uhd_string_vector_size(h: *mut Vec<String>, size: *mut usize) { *at(size)? = at(h)?.len(); }

@@ -187,6 +187,47 @@ fn radios_are_listed_and_probed() {
     assert!(without.stderr.contains("no GPSDO"), "{}", without.stderr);
 }
 
+/// All measured values are those of the simulated radio; a temperature is that of the stand-in.
+#[test]
+fn selftest_through_uhd_measures_the_same_as_on_simulated_radio() {
+    let folder = experiments("sc16", "");
+    let tested = |line: &str, faults: &str, code: i32| {
+        let ran = ran(
+            &folder,
+            faults,
+            &format!("radio selftest {line} --stream 0.2 --json"),
+        );
+        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
+        serde_json::from_str::<Value>(&ran.stdout).unwrap()
+    };
+    let by_uhd = tested("uhd.toml -o report.json", "", 0);
+    let directly = tested("simulated.toml", "", 0);
+    assert_eq!(by_uhd["checks"], directly["checks"]);
+    assert_eq!(by_uhd["retunes"], directly["retunes"]);
+    assert_eq!(by_uhd["simulated"], true);
+    assert_eq!(by_uhd["driver"], "UHD 4.3.0.0-stand-in");
+    assert_eq!(by_uhd["temperature_c"], 31.5);
+    assert!(folder.path().join("report.json").exists());
+    let faulty = tested("uhd.toml", "faults", 1);
+    for name in [
+        "overruns",
+        "underruns",
+        "late commands",
+        "lost packets",
+        "lost samples",
+    ] {
+        let mut checks = faulty["checks"].as_array().unwrap().iter();
+        let check = checks.find(|check| check["name"] == name).unwrap();
+        assert_eq!(check["verdict"], "failed", "{name}");
+    }
+    let external = tested("uhd.toml --set radio.clock=external", "", 0);
+    let mut checks = external["checks"].as_array().unwrap().iter();
+    let clock = checks.find(|check| check["name"] == "reference clock: lock");
+    assert_eq!(clock.unwrap()["verdict"], "passed");
+    let gone = tested("uhd.toml", "unplug", 1);
+    assert_eq!(gone["checks"][0]["verdict"], "failed");
+}
+
 /// UHD's own error for a device without firmware, returned by the stand-in.
 #[test]
 fn missing_images_are_reported_with_advice() {

@@ -68,6 +68,21 @@ impl Session<'_> {
         Err(refused.map_or(LinkError::Silent, LinkError::Refused))
     }
 
+    /// Time from a request of the status to its arrival.
+    pub(crate) fn round_trip(
+        &mut self,
+        watch: &mut dyn SessionObserver,
+    ) -> Result<Duration, LinkError> {
+        let asked = Instant::now();
+        self.ask(&[Command::Status], watch, |_| true)?;
+        Ok(asked.elapsed())
+    }
+
+    /// Time after which a request is repeated.
+    pub(crate) fn answer(&self) -> Duration {
+        self.ledger.settings.answer
+    }
+
     /// New numbers for a configuration and a run.
     pub(super) fn next_run(&mut self) -> (u32, u32) {
         let ledger = &mut self.ledger;

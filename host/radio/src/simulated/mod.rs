@@ -111,7 +111,8 @@ impl<'a> SimulatedRadio<'a> {
         Ok(Self {
             about: About {
                 product: "simulated B210".to_owned(),
-                serial: "SIM00001".to_owned(),
+                serial: format!("{}00001", crate::SIMULATED_SERIAL),
+                driver: crate::OWN_DRIVER.to_owned(),
                 ranges: Ranges::b210(),
             },
             experiment,

@@ -50,6 +50,13 @@ macro_rules! call {
 }
 pub(super) use call;
 
+/// Version of UHD, for example `4.6.0.0`.
+pub(super) fn version() -> Result<String, RadioError> {
+    let mut text = [0u8; TEXT];
+    call!(uhd_get_version_string(text.as_mut_ptr().cast(), text.len()))?;
+    Ok(until_zero(&text))
+}
+
 /// Split a time into whole and fractional seconds, as UHD takes it; exact, since the fraction of a float is a float.
 pub(super) fn split(time_s: f64) -> (i64, f64) {
     let full = time_s.floor();

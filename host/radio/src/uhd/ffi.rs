@@ -103,6 +103,7 @@ macro_rules! declare {
 
 declare! {
     fn uhd_get_last_error(text: *mut c_char, len: usize);
+    fn uhd_get_version_string(text: *mut c_char, len: usize);
 
     fn uhd_string_vector_make(h: *mut Strings);
     fn uhd_string_vector_free(h: *mut Strings);

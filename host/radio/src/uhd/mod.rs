@@ -183,6 +183,7 @@ impl UhdRadio {
             about: About {
                 product,
                 serial: found.serial.clone(),
+                driver: format!("UHD {}", calls::version()?),
                 ranges,
             },
             usrp,

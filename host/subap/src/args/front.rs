@@ -8,7 +8,10 @@ use crate::arguments::arguments;
 
 /// Commands by group, in the order of the help. Every command belongs to exactly one group.
 const GROUPS: [(&str, &[&str]); 8] = [
-    ("form", &["focus", "velocity", "gmti", "run", "link"]),
+    (
+        "form",
+        &["focus", "velocity", "gmti", "run", "link", "module"],
+    ),
     (
         "inspect",
         &[
@@ -30,7 +33,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Examples of each command, one a line.
-const EXAMPLES: [(&str, &str); 36] = [
+const EXAMPLES: [(&str, &str); 39] = [
     (
         "focus",
         "subap focus scene.cphd --out image\n\
@@ -45,6 +48,11 @@ const EXAMPLES: [(&str, &str); 36] = [
     (
         "link",
         "subap link tcp://localhost:4000 scene.cphd --send image --out image\nsubap link tcp://localhost:4000 scene.cphd -o scene.maps\nsubap focus --from-maps scene.maps --out image\nsubap link tcp://localhost:4000 walk.cphd --send increments -o track.csv",
+    ),
+    ("module", "subap module selftest emulate -o report.json"),
+    (
+        "module selftest",
+        "subap module selftest serial:/dev/ttyACM0 -o report.json",
     ),
     ("info", "subap info scene.cphd"),
     ("recording", "subap recording --keys"),
@@ -65,6 +73,10 @@ const EXAMPLES: [(&str, &str); 36] = [
     ("radio", "subap radio list"),
     ("radio list", "subap radio list"),
     ("radio probe", "subap radio probe experiment.toml"),
+    (
+        "radio selftest",
+        "subap radio selftest experiment.toml -o report.json",
+    ),
     (
         "radio calibrate",
         "subap radio calibrate --sky sky --reflector corner --range 4 -o calibration.json",

@@ -90,6 +90,8 @@ pub(crate) enum RadioTask {
     List(RadioList),
     /// Print capabilities, settings and sensors of an experiment's radio
     Probe(Probe),
+    /// Test an experiment's radio with the transmitter looped back, and report measured values with limits
+    Selftest(RadioSelftest),
     /// Calibrate cables and channels from captures of the sky and of a reflector, for subap profile
     Calibrate(Calibrate),
     /// Convert a capture to phase history (CPHD) with the track of the antennas
@@ -114,6 +116,37 @@ pub(crate) struct Probe {
     /// Override a key of the experiment, such as device.serial=30A1B2C. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, String)>,
+}
+
+/// Arguments of `subap radio selftest`.
+#[derive(Debug, Group)]
+#[command(
+    after_help = "Connect the transmitter, through an attenuator and a splitter, to both receivers. The exit status is 1 if a check failed.\n\
+    The report (--out) is one JSON file to send to the developers; it names the device's serial number."
+)]
+pub(crate) struct RadioSelftest {
+    /// Experiment, as for subap capture
+    #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath)]
+    pub(crate) experiment: PathBuf,
+
+    /// Override a key of the experiment, such as device.serial=30A1B2C. May be repeated
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    pub(crate) set: Vec<(String, String)>,
+
+    /// Duration of the streaming test, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 5.0, value_parser = above_zero(Dimension::Time))]
+    pub(crate) stream: f64,
+
+    /// Expected delay of receiver 1 minus that of receiver 0, seconds [default: any]
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true, value_parser = any(Dimension::Time))]
+    pub(crate) delay: Option<f64>,
+
+    /// File for the report, JSON
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap radio calibrate`.

@@ -7,7 +7,7 @@ pub(super) mod line;
 mod outcome;
 mod picture;
 pub(super) mod profiles;
-mod receiving;
+pub(super) mod receiving;
 mod work;
 
 use std::time::Instant;

@@ -4,6 +4,7 @@ mod analyser;
 mod autofocus;
 mod capture;
 mod capture_files;
+mod checks;
 mod chirps;
 mod compare;
 mod completions;
@@ -17,6 +18,7 @@ mod info;
 mod link;
 mod live;
 mod man;
+mod module;
 mod navigation;
 mod pair;
 mod picture;
@@ -57,6 +59,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Velocity(typed) => velocity::run(session, &typed),
         Command::Gmti(typed) => gmti::run(session, &typed),
         Command::Link(typed) => link::run(session, &typed),
+        Command::Module(typed) => module::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Recording(typed) => recording::run(&typed),
         Command::Track(typed) => track::run(session, &typed),

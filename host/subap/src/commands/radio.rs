@@ -1,7 +1,8 @@
-//! `subap radio`: list radios, calibrate their cables and channels, convert captures.
+//! `subap radio`: list and test radios, calibrate their cables and channels, convert captures.
 
 mod calibrate;
 mod convert;
+mod selftest;
 
 use serde_json::{Value, json};
 use subaperture::radio::experiment::Experiment;
@@ -17,6 +18,7 @@ pub(crate) fn run(session: &Session, typed: &Radio) -> anyhow::Result<()> {
     match &typed.task {
         RadioTask::List(typed) => list(session, typed.serial.as_deref()),
         RadioTask::Probe(typed) => probe(session, typed),
+        RadioTask::Selftest(typed) => selftest::run(session, typed),
         RadioTask::Calibrate(typed) => calibrate::run(session, typed),
         RadioTask::Convert(typed) => convert::run(session, typed),
     }
@@ -139,6 +141,7 @@ impl Probed {
         let About {
             product,
             serial,
+            driver,
             ranges,
         } = &self.about;
         let hertz =
@@ -146,6 +149,7 @@ impl Probed {
         let gains = |range: &Range| format!("{} to {} dB", range.from, range.to);
         let mut facts = vec![
             ("radio", format!("{product}, {serial}")),
+            ("driver", driver.clone()),
             ("carriers", hertz(&ranges.carrier_hz)),
             ("master clock", hertz(&ranges.master_clock_hz)),
             ("sample rate", hertz(&ranges.sample_rate_hz)),
@@ -200,6 +204,7 @@ impl Probed {
         let About {
             product,
             serial,
+            driver,
             ranges,
         } = &self.about;
         let range = |range: &Range| json!([range.from, range.to]);
@@ -221,6 +226,7 @@ impl Probed {
         json!({
             "product": product,
             "serial": serial,
+            "driver": driver,
             "carrier_hz": range(&ranges.carrier_hz),
             "master_clock_hz": range(&ranges.master_clock_hz),
             "sample_rate_hz": range(&ranges.sample_rate_hz),

@@ -67,7 +67,7 @@ impl<'a> Line<'a> {
 }
 
 /// Open the line and a session on it, whose longest frames contain `num_samples` samples.
-pub(super) fn with_module<W: SessionObserver, T>(
+pub(in crate::commands) fn with_module<W: SessionObserver, T>(
     session: &Session,
     line: Line<'_>,
     num_samples: usize,

@@ -31,7 +31,7 @@ impl MapSink for Keep<'_> {
 }
 
 /// Monitor that shows a progress line.
-pub(super) struct Watching {
+pub(in crate::commands) struct Watching {
     pub(super) bar: Progress,
     pub(super) verbose: bool,
     /// Time and byte counts of the last display.
@@ -39,7 +39,7 @@ pub(super) struct Watching {
 }
 
 impl Watching {
-    pub(super) fn new(session: &Session) -> Self {
+    pub(in crate::commands) fn new(session: &Session) -> Self {
         Self {
             bar: session.progress("linking"),
             verbose: session.verbosity() > 0,
