@@ -154,10 +154,8 @@ fn retune_time_is_that_of_the_simulated_transient() {
         &plan("steady = 0.005\n"),
         None,
     );
-    let steps = (0..2000).map(|i| 5.0 + 0.01 * f64::from(i));
-    let last = steps
-        .filter(|&start_ms| transient(start_ms, 3.0) > 0.005)
-        .next_back();
+    let mut steps = (0..2000).map(|i| 5.0 + 0.01 * f64::from(i));
+    let last = steps.rfind(|&start_ms| transient(start_ms, 3.0) > 0.005);
     let expected_ms = last.expect("unsteady at first");
     let settled_ms = value(&report, "retune time");
     println!("{settled_ms} ms, expected {expected_ms} ms");
