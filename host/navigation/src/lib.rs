@@ -18,7 +18,7 @@
 //! **Conventions.** Positions are on the Earth (WGS 84, ellipsoidal heights) or in local axes of the log ([`Place`]). Velocities are along east, north and up. Attitudes are roll, pitch and azimuth ([`Attitude`]); [`Record::fix`]
 //! converts them to those of tracks. Times are GPS weeks and seconds ([`GpsTime`]), converted from UTC by the leap seconds that the [`ReadReport`] states.
 //!
-//! [`write`] writes logs of a vehicle's motion, as the simulator does.
+//! [`mod@write`] writes logs of a vehicle's motion, as the simulator does.
 //!
 //! # Fusion
 //! [`fuse`](fusion::fuse) estimates one track from a log's positions, velocities and attitudes and the radar's own increments of motion, by least squares over the whole time.

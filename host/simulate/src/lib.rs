@@ -31,6 +31,7 @@
 mod channel;
 pub mod engine;
 pub mod experiment;
+mod log_states;
 pub mod navigation_log;
 mod plain;
 mod preset;
