@@ -42,8 +42,8 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap()
 }
 
-/// Two reflectors 20 m apart, 1.7 resolutions of 0.8 of the bandwidth: ranges within four stated standard deviations plus the delay of 5 ns
-/// by which the antenna cables are longer than the loop.
+/// Two reflectors 20 m apart, 1.7 resolutions of 0.8 of the bandwidth: ranges within four stated standard deviations, and the delay of the
+/// antenna cables, 5 ns more than that of the loop.
 #[test]
 fn captured_chirps_are_profiled_and_converted() {
     let folder = examples();

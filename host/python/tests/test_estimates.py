@@ -8,13 +8,12 @@ import subaperture as sar
 GRID = "x=-45:45:0.25,y=-45:45:0.35,z=0"
 
 
-@pytest.mark.parametrize(("quadratic", "rms"), [(10.0, 0.1), (3.0, 0.2)])
-def test_phase_error_is_estimated_and_removed(quadratic, rms):
+def test_phase_error_is_estimated_and_removed():
     clean = sar.simulate("table-4-1")
     pulses, samples = clean.shape
     # A smooth phase error over the aperture, of no constant or linear part: those shift the image only.
     at = np.linspace(-1, 1, pulses)
-    error = quadratic * (at**2 - 1 / 3) + 1.0 * (at**3 - 0.6 * at)
+    error = 10.0 * (at**2 - 1 / 3) + 1.0 * (at**3 - 0.6 * at)
     blurred = sar.phase_history(
         clean.samples() * np.exp(1j * error)[:, None],
         start_hz=clean.start_hz,
@@ -30,7 +29,7 @@ def test_phase_error_is_estimated_and_removed(quadratic, rms):
     residual = np.unwrap(found.phase_rad - error)
     residual -= np.polyval(np.polyfit(at, residual, 1), at)
     # The cubic is 0.15 rad rms.
-    assert np.sqrt(np.mean(residual**2)) < rms
+    assert np.sqrt(np.mean(residual**2)) < 0.1
     sharp = sar.focus(found.corrected(), GRID)
     assert sharp.statistics()["entropy"] < sar.focus(blurred, GRID).statistics()["entropy"]
 
