@@ -77,7 +77,9 @@ pub(crate) const COMMANDS: [(&str, &[&str]); 35] = [
     ("radio probe", &["radio probe rail.toml"]),
     (
         "radio selftest",
-        &["radio selftest rail.toml --stream 0.1 -o selftest.json --force"],
+        &[
+            "radio selftest rail.toml --set device.real_time=false --stream 0.1 -o selftest.json --force",
+        ],
     ),
     (
         "radio calibrate",

@@ -31,6 +31,7 @@ pub mod container;
 pub mod cphd;
 #[cfg(feature = "cphd")]
 pub mod crsd;
+pub mod date;
 #[cfg(feature = "recording")]
 pub mod estimated_track;
 #[cfg(any(feature = "gotcha", feature = "npz"))]

@@ -17,7 +17,6 @@ mod source;
 #[cfg(feature = "cphd")]
 pub(crate) mod channels;
 #[cfg(feature = "cphd")]
-pub(crate) mod date;
 #[cfg(feature = "cphd")]
 pub(crate) mod lines;
 #[cfg(feature = "cphd")]

@@ -117,7 +117,6 @@ pub(crate) mod vectors;
 mod write;
 mod write_options;
 
-pub use crate::container::date::nanoseconds as utc_ns;
 pub use crate::container::{MetadataError, SignalFormat};
 pub use conventions::{Domain, Polarization, Sgn};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};

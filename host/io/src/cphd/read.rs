@@ -18,7 +18,8 @@ use super::toa::{Bins, Transform};
 use super::vectors::{Missing, Vectors};
 use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::in_xml;
-use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
+use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source};
+use crate::date;
 use subaperture_model::phase_history::{
     Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory,
     PhaseReference, PhaseSign, Pulse, ReadError, check_finite, misplaced, named_pulses,

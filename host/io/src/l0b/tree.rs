@@ -4,7 +4,8 @@ use std::path::Path;
 
 use hdf5_pure::{ChunkCacheConfig, DType, Dataset, DatasetAccessProperties, Error, File};
 
-use crate::container::{Source, date};
+use crate::container::Source;
+use crate::date;
 use crate::hdf5_numbers::is_number;
 use crate::remote;
 use subaperture_model::phase_history::ReadError;

@@ -41,12 +41,19 @@ fn every_example_fits_its_device() {
             continue;
         }
         let description = Description::new(name, text, ".");
-        let AnyExperiment::Radio(experiment) = AnyExperiment::describe(description, &[]).unwrap()
-        else {
-            assert_eq!(name, "vna");
-            continue;
-        };
         let ranges = crate::transceiver::Ranges::b210();
+        let experiment = match AnyExperiment::describe(description, &[]).unwrap() {
+            AnyExperiment::Radio(experiment) => experiment,
+            AnyExperiment::Chirps(experiment) => {
+                assert_eq!(name, "chirp");
+                experiment.plan.check(&ranges).unwrap();
+                continue;
+            }
+            AnyExperiment::Analyser(_) => {
+                assert_eq!(name, "vna");
+                continue;
+            }
+        };
         experiment.plan.check(&ranges).unwrap();
         assert_eq!(matches!(experiment.device, Device::Uhd(_)), name == "b210");
         assert_eq!(experiment.live.is_some(), ["rail", "walk"].contains(&name));

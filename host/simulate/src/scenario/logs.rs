@@ -2,7 +2,7 @@
 
 use std::path::Component;
 
-use subaperture_io::cphd::utc_ns;
+use subaperture_io::date::nanoseconds;
 use subaperture_model::radar::Radar;
 use subaperture_navigation::GpsTime;
 use subaperture_navigation::write::{Deviations, LogFormat};
@@ -16,12 +16,17 @@ const MAX_RECORDS: f64 = 1e7;
 
 /// Navigation logs of a scenario; also checks the date of the collection.
 pub(super) fn build(top: &ScenarioKeys, radar: &Radar) -> Result<Vec<NavigationLog>, Fault> {
-    let start = match &top.collection_start {
-        None => None,
-        Some(text) => Some(utc_ns(text).and_then(GpsTime::of_unix_ns).ok_or_else(|| {
-            text.fault("expected a date from 1980 on as 2017-05-04T14:00:00Z, with Z for UTC")
-        })?),
-    };
+    let start =
+        match &top.collection_start {
+            None => None,
+            Some(text) => Some(nanoseconds(text).and_then(GpsTime::of_unix_ns).ok_or_else(
+                || {
+                    text.fault(
+                        "expected a date from 1980 on as 2017-05-04T14:00:00Z, with Z for UTC",
+                    )
+                },
+            )?),
+        };
     let mut logs: Vec<NavigationLog> = Vec::with_capacity(top.log.len());
     for keys in &top.log {
         let Some(start) = start else {

@@ -1,4 +1,4 @@
-//! UTC dates of CPHD and CRSD, `YYYY-MM-DDThh:mm:ss.ssssssZ`.
+//! UTC dates, `YYYY-MM-DDThh:mm:ss.ssssssZ`, as in CPHD and CRSD.
 
 /// Nanoseconds since the beginning of 1970, without leap seconds; `None` for other text. Digits after the ninth of a second are
 /// ignored.
