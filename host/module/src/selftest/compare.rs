@@ -94,7 +94,7 @@ impl MapSink for Discard {
     }
 }
 
-/// Compare the maps.
+/// Transfer the maps, and compare them bit by bit.
 pub(super) fn maps(
     session: &mut Session<'_>,
     recording: &InMemory,
@@ -116,7 +116,7 @@ pub(super) fn maps(
     Ok((compared, outcome))
 }
 
-/// Compare the accumulated image.
+/// Transfer the accumulated image, and compare its pixels bit by bit.
 pub(super) fn image(
     session: &mut Session<'_>,
     recording: &InMemory,
@@ -172,7 +172,7 @@ impl DetectionSink for Lists {
     }
 }
 
-/// Compare the detections.
+/// Transfer the detections, and compare them bit by bit.
 pub(super) fn found(
     session: &mut Session<'_>,
     recording: &InMemory,
@@ -220,7 +220,7 @@ pub(super) fn found(
     Ok((compared, outcome))
 }
 
-/// Compare the motion increments.
+/// Transfer the motion increments, and compare them bit by bit.
 pub(super) fn increments(
     session: &mut Session<'_>,
     watch: &mut dyn SessionObserver,
@@ -294,7 +294,7 @@ fn own_increments(channels: &[&dyn PhaseHistory]) -> Result<Vec<Increment>, Read
     Ok(increments)
 }
 
-/// Compare the range profiles.
+/// Transfer the range profiles, and compare them bit by bit.
 pub(super) fn profiles(
     session: &mut Session<'_>,
     watch: &mut dyn SessionObserver,
