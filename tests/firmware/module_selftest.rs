@@ -64,6 +64,7 @@ fn emulated_modules_pass_and_are_reported_as_emulated() {
 /// With time tied to instructions the timer of the emulated board has 1.25 ticks for each. Steps that find no work, and the
 /// reading of the timer, add to the processing: they are allowed a twentieth.
 #[test]
+#[ignore = "minutes: cargo xtask long"]
 fn instructions_of_the_maps_are_those_that_the_cycles_are_compared_with() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
