@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
-use subaperture_core::link::{AssembledMap, Encoding, Increment, Motion};
+use subaperture_core::link::{AssembledMap, Encoding, Increment};
 use subaperture_core::motion::{Antennas, Odometer, Progress};
 use subaperture_core::sweep::Profiler;
 use subaperture_io::selftest::Check;
@@ -272,21 +272,7 @@ fn own_increments(channels: &[&dyn PhaseHistory]) -> Result<Vec<Increment>, Read
                 match odometer.work() {
                     Progress::Busy => {}
                     Progress::Idle => return None,
-                    Progress::Step(step) => {
-                        return Some(Increment {
-                            pulse: step.pulse,
-                            since: step.since,
-                            targets: step.targets,
-                            echoes: step.echoes,
-                            motion: step.moved.map(|moved| Motion {
-                                moved_m: moved.increment.moved_m,
-                                turn_rad: moved.increment.turn_rad,
-                                residual_m: moved.residual_m as f32,
-                                targets: moved.targets as u16,
-                                doubtful: moved.doubtful as u16,
-                            }),
-                        });
-                    }
+                    Progress::Step(step) => return Some(Increment::from(&step)),
                 }
             }
         }));

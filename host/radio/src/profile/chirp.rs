@@ -86,7 +86,7 @@ impl ChirpResponse {
         [self.pulses, self.skipped]
     }
 
-    /// Response at the lines of [`Setup::band`]; `None` without a usable pulse.
+    /// Response at the lines of [`Setup::band`], without values if no pulse is usable.
     pub fn sweep(&self) -> Sweep {
         let band = self.setup.band();
         let (seconds, bursts) = self.times;

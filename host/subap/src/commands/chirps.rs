@@ -1,7 +1,6 @@
 //! `subap capture` of chirps.
 
 use std::path::Path;
-use std::sync::atomic::Ordering;
 
 use serde_json::json;
 use subaperture::io::atomic::free_bytes;
@@ -61,7 +60,7 @@ pub(super) fn run(
     })?;
     let summary = captured?;
     report(session, plan, &summary, out)?;
-    if summary.stopped && plan.bursts > 0 && interrupt::flag().load(Ordering::Relaxed) {
+    if summary.stopped && plan.bursts > 0 {
         return Err(InterruptedWithSteps {
             steps: summary.bursts,
             unit: "bursts",
