@@ -285,7 +285,7 @@ fn events_of_the_module_are_printed_on_request() {
         .lines()
         .filter(|l| l.contains("module:"))
         .collect();
-    let [started, begun, ended] = events[..] else {
+    let [started, begun, cost, ended] = events[..] else {
         panic!("{}", ran.stderr);
     };
     assert_eq!(
@@ -293,6 +293,10 @@ fn events_of_the_module_are_printed_on_request() {
         "note: module: info: program started, 0 resets after faults"
     );
     assert!(begun.ends_with(" started"), "{begun}");
+    assert!(
+        cost.contains(" bytes of stack used, ") && cost.ends_with(" Hz"),
+        "{cost}"
+    );
     assert!(
         ended.contains(" ended: ") && ended.contains(" pulses accepted, "),
         "{ended}"
