@@ -81,7 +81,7 @@ fn rdbp(mode: Mode, sub_cpi: Option<usize>) -> RangeDopplerBackprojection {
 fn plan_that_exceeds_bound_is_refused_before_reading() {
     let polar = PolarFormat {
         error_db: -60.0,
-        centre_m: None,
+        centre_m: Some(DVec3::ZERO),
     };
     let long = rdbp(Mode::Precise, Some(1040));
     let thesis = rdbp(
@@ -326,13 +326,12 @@ fn command_refuses_or_exits_with_status_3() {
     run(path, "simulate --preset table-4-1 -o s.cphd").succeeded();
     let focus = "focus s.cphd --grid x=-30:30:2,y=-30:30:2";
     // A former that the user names forms the image, reports the missed bound and one that would be kept, and exits with status 3.
-    let named = run(path, &format!("{focus} -a pfa --out a"));
+    let named = run(path, &format!("{focus} -a pfa --error-db -110 --out a"));
     named.failed(
         3,
         &[
             "predicted error",
-            "above the bound of -60 dB: paths over so large a grid",
-            "a smaller --grid",
+            "above the bound of -110 dB: its interpolation kernels limit the error",
             "allow a larger error with --error-db -",
         ],
     );
@@ -361,7 +360,7 @@ fn command_refuses_or_exits_with_status_3() {
     let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
     let resolved = &record["settings"]["resolved"];
     assert_eq!(resolved["bound_missed"], true);
-    assert!(resolved["predicted_error_db"].as_f64().unwrap() > -60.0);
+    assert!(resolved["predicted_error_db"].as_f64().unwrap() > -110.0);
     // The thesis's method has no bound of its own, but reports its predicted error.
     run(path, &format!("{focus} --mode thesis --out b")).succeeded();
     let record = std::fs::read(path.join("b/image.json")).unwrap();

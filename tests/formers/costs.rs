@@ -1,7 +1,9 @@
 //! Operation counts and memory that formers state, against counts by hand.
 
+use glam::DVec3;
 use serde_json::Value;
 use subaperture::focus::formers::FORMERS;
+use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{BoundPolicy, Decision, ImageFormer, ImageSpec, Plan, Task};
 use subaperture::geometry::ImageGrid;
@@ -32,7 +34,14 @@ fn decide(former: &dyn ImageFormer, grid: &ImageGrid) -> Decision {
     former.decide(&spec, &goal, &Silent).unwrap()
 }
 
+/// Former of the registry; polar format with one reference point, which is not divided into patches.
 fn listed(name: &str) -> Box<dyn ImageFormer> {
+    if name == "pfa" {
+        return Box::new(PolarFormat {
+            error_db: -60.0,
+            centre_m: Some(DVec3::ZERO),
+        });
+    }
     let entry = FORMERS.iter().find(|entry| entry.name == name);
     entry.unwrap().within(-60.0)
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
@@ -60,8 +61,15 @@ fn errors_on_a_thousand_pixels_keep_bound_and_brightest_point_is_resolved() {
         sub_cpi: None,
         patch_m: None,
     };
-    let formers: [(&dyn ImageFormer, f64); 2] =
-        [(&rdbp, -60.0), (&Backprojection { error_db: -50.0 }, -50.0)];
+    let polar = PolarFormat {
+        error_db: -60.0,
+        centre_m: None,
+    };
+    let formers: [(&dyn ImageFormer, f64); 3] = [
+        (&rdbp, -60.0),
+        (&Backprojection { error_db: -50.0 }, -50.0),
+        (&polar, -60.0),
+    ];
     for (former, bound_db) in formers {
         let image = former.form(&task).unwrap().image;
         let error: f64 = chosen

@@ -97,10 +97,31 @@ fn polar_format_error_is_predicted() {
             true,
         ),
         (
-            "Table 4.1, all of it",
+            "Table 4.1, all of it, in patches",
             Preset::Table41.simulate(&Variation::default()),
             "x=-40:40:1.37,y=-40:40:1.31",
             -60.0,
+            true,
+        ),
+        (
+            "a circle at four times its radius, in patches and sub-apertures",
+            scene(720, band, circle(200.0, 60.0, 8.7e-3), 25.0),
+            "x=-30:30:1.1,y=-30:30:1.3",
+            -50.0,
+            true,
+        ),
+        (
+            "polar grid in patches",
+            scene(240, band, circle(2000.0, 900.0, 3e-4), 25.0),
+            "r=0.3:30:0.67,theta=0:360:3,cx=0.5",
+            -55.0,
+            true,
+        ),
+        (
+            "kernels limit the error",
+            Preset::Table41.simulate(&Variation::default()),
+            "x=-40:40:1.37,y=-40:40:1.31",
+            -110.0,
             false,
         ),
         (

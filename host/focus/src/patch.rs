@@ -208,6 +208,12 @@ impl Patches {
         Rectangle::of(&self.0.place(index))
     }
 
+    /// Patch that contains a pixel.
+    pub(crate) fn at(&self, row: usize, column: usize) -> Rectangle {
+        let [height, width] = self.0.tile;
+        self.rectangle(row / height * self.0.tiles()[1] + column / width)
+    }
+
     /// Pixels of the tiles by patch, in row-major order of patches. Patches partly outside the tiles
     /// contain only the pixels inside.
     pub(crate) fn split<'a>(&self, tiles: &'a mut [Tile]) -> Vec<(Rectangle, Vec<Segment<'a>>)> {

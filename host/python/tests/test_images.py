@@ -123,8 +123,8 @@ def test_error_bound_that_cannot_be_kept_is_refused_or_warned_of():
     recording = sar.simulate("table-4-1")
     grid = "x=-40:40:1,y=-40:40:1,z=0"
     with pytest.raises(sar.BoundError, match="allow_error=True"):
-        sar.focus(recording, grid, former="pfa", error_db=-80)
-    image = sar.focus(recording, grid, former="pfa", error_db=-80, allow_error=True)
+        sar.focus(recording, grid, former="pfa", error_db=-120)
+    image = sar.focus(recording, grid, former="pfa", error_db=-120, allow_error=True)
     assert image.bound_missed
 
 

@@ -30,69 +30,62 @@
 //! less its mean, with an RMS phase of `(2 pi / lambda) |y^2 - x^2| theta_m^2 / R * 2 / (3 sqrt 5)`, which
 //! is the relative RMS error. A quadratic phase of `pi / 2` at the ends of the aperture, the usual limit, is
 //! reached at a radius of `2 rho sqrt(R / lambda)`, where `rho` is the cross-range resolution (Carrara, Goodman and
-//! Majewski 1995, chapter 3); -60 dB is reached at 1/22 of it. [`PolarFormat`] predicts the error of
-//! its worst pixel with the true paths.
+//! Majewski 1995, chapter 3); -60 dB is reached at 1/22 of it. The error of the worst pixel is predicted with the true paths.
+//!
+//! **Patches and sub-apertures** (`layout`). A grid whose residual exceeds the bound is divided into patches, each with its own centre `q`. Where the
+//! aperture is long or bends, it is divided into sub-apertures with separate rasters and positions `p'`, and their images are
+//! added. The residual falls with the square of either. A stated `centre_m` excludes both.
 //!
 //! Neglected: that residual; periodic images of the kernels (below the requested bound). A grid around an antenna, whose pixel positions the raster cannot
 //! represent, is refused.
 //!
-//! Cost: `W^2` complex multiply-adds per sample, two transforms, `W^2` and 16 paths per pixel;
-//! it does not grow with pulses times pixels (`cost`). Memory: three rasters of about `(2 D W_K)^2` values, where `D` is the extent of the
-//! grid and `W_K` that of the spectrum, in each direction.
+//! Cost: `W^2` complex multiply-adds per sample and patch, two transforms per patch and sub-aperture, `W^2` and 16 paths per pixel and sub-aperture (`cost`).
+//! Undivided, it does not grow with pulses times pixels. Memory: three rasters of about `(2 D W_K)^2` values, where `D` is the extent of the
+//! grid or patch and `W_K` that of the spectrum, in each direction.
 //!
 //! Accuracy: `tests/formers/pfa_ffbp.rs`, near the centre against the bound and far from it against the
 //! formula above.
 
 mod cost;
+mod forming;
+mod layout;
 mod plane;
 mod raster;
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
-
 use glam::DVec3;
-use num_complex::Complex32;
-use rayon::prelude::*;
 use serde_json::json;
 
 use super::Entry;
 use super::algorithm::Algorithm;
 use super::error_bound::error_bound;
 use super::options::ERROR_DB;
-use crate::budget::Budget;
 use crate::former_choices::misfit;
 use crate::goal::misses;
 use crate::patch::PatchSize;
-use crate::pixels::for_each;
-use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{
-    Decision, ErrorGoal, FormError, Forming, ImageSpec, MARGIN_DB, Reason, Remedy, Tile, Work,
-    rounding,
+    Decision, ErrorGoal, FormError, Forming, ImageSpec, MARGIN_DB, Reason, Remedy, rounding,
 };
-use subaperture_kernels::compensation::{self, Ramp};
-use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::monitor::{Monitor, during};
+use subaperture_model::monitor::Monitor;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::phasor32;
 
-use plane::{Extent, Plane};
-use raster::{Raster, RasterSize, Readable, Track};
+use forming::Opened;
+use layout::{Layout, Planned};
 
 /// Former by the polar format algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PolarFormat {
-    /// Bound on the relative RMS error of the image, dB (negative). The kernels keep it; the
-    /// error from wave front curvature depends on the grid.
+    /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
-    /// Point about which paths are linearised, scene frame, metres; default: the grid centre.
+    /// Point about which all paths are linearised, scene frame, metres; the grid is not divided, and the error from wave-front curvature
+    /// depends on its size. Default: the centre of the grid, or of each patch where the bound requires patches.
     pub centre_m: Option<DVec3>,
 }
 
 error_bound!(PolarFormat { centre_m: None });
 
 impl PolarFormat {
-    /// Set the point about which paths are linearised, scene frame, metres.
+    /// Set the point about which all paths are linearised, scene frame, metres.
     #[must_use]
     pub fn centre_m(self, centre_m: DVec3) -> Self {
         Self {
@@ -105,7 +98,7 @@ impl PolarFormat {
 impl Algorithm for PolarFormat {
     const ENTRY: Entry = Entry::new::<Self>(
         "pfa",
-        "polar format: far scenes, small against their distance",
+        "polar format: fastest for far scenes, small against their distance",
         &[ERROR_DB],
     );
 
@@ -115,21 +108,29 @@ impl Algorithm for PolarFormat {
         &self,
         spec: &ImageSpec,
         goal: &ErrorGoal,
-        _: &dyn Monitor,
+        monitor: &dyn Monitor,
     ) -> Result<Decision<Choices>, FormError> {
-        let collection = spec.collection;
-        let plane = Plane::new(collection, spec.grid, self.centre_m);
-        let extent = plane.image_extent(spec.grid);
-        let [residual, rough] = plane.residual(collection, spec.weights, spec.grid);
         let rounded = rounding::path_phase_rad(spec.collection, spec.grid);
-        let planned = |taps| rounding::total_db(&[residual, raster::error(taps), rounded]);
+        let whole = Planned::new(spec, Layout::whole(spec.grid, self.centre_m));
+        let errors = |planned: &Planned, taps| [planned.residual[0], raster::error(taps), rounded];
+        let keeps = |planned: &Planned, taps| {
+            !misses(
+                rounding::total_db(&errors(planned, taps)),
+                Some(self.error_db),
+            )
+        };
         // Where curvature uses up the margin, longer kernels may keep the bound.
         let taps = match self.taps() {
-            4 if misses(planned(4), Some(self.error_db)) => 6,
+            4 if !keeps(&whole, 4) => 6,
             taps => taps,
         };
-        let size = RasterSize::new(plane.spectrum(collection), extent, taps)?;
-        let (kernels, planned_db) = (raster::error(taps), planned(taps));
+        let divided = match keeps(&whole, taps) || self.centre_m.is_some() {
+            true => None,
+            false => self.divided(spec, rounded, monitor)?,
+        };
+        let (planned, taps) = divided.unwrap_or((whole, taps));
+        let planned_db = rounding::total_db(&errors(&planned, taps));
+        let ([residual, rough], kernels) = (planned.residual, raster::error(taps));
         goal.check(planned_db, || {
             if residual > kernels {
                 Reason::new("paths over so large a grid are not linear in the position")
@@ -139,21 +140,27 @@ impl Algorithm for PolarFormat {
                     .helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"])])
             }
         })?;
+        let layout = planned.layout;
+        let rasters = layout.rasters(spec, taps)?;
+        let patches = layout.patches(spec.grid);
+        let PatchSize { rows, columns } = patches.size();
         Ok(Decision {
-            choices: Choices {
-                taps,
-                centre_m: plane.centre_m.to_array(),
-            },
             settings: json!({
-                "centre_m": plane.centre_m.to_array(),
-                "raster": size.cells,
+                "centre_m": self.centre_m,
+                "patch": [rows, columns],
+                "sub_apertures": rasters.len(),
+                "raster": rasters.first().map(|size| size.cells),
                 "kernel_taps": taps,
                 "curvature_error_db": 20.0 * libm::log10(residual.max(1e-15)),
                 "stray_error_db": rounding::total_db(&[rough, kernels, rounded]),
             }),
             planned_db,
-            grain: PatchSize::PIXEL,
-            cost: cost::cost(spec, &size),
+            grain: match layout.is_whole(spec.grid) {
+                true => PatchSize::PIXEL,
+                false => patches.size(),
+            },
+            cost: cost::cost(spec, &layout, &rasters),
+            choices: Choices { taps, layout },
         })
     }
 
@@ -162,15 +169,16 @@ impl Algorithm for PolarFormat {
         spec: ImageSpec<'a>,
         choices: Choices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
+        let Choices { taps, layout } = choices;
+        if !layout.fits(spec.collection.pulses.len()) {
             return Err(misfit(
                 PolarFormat::ENTRY.name,
-                "expected a centre within 1e12 m of the scene's origin",
+                "expected patches of at least one pixel, sub-apertures of at least one pulse, and a centre within 1e12 m of the scene's origin",
             ));
         }
-        Ok(match choices.taps {
-            4 => Box::new(Opened::<4>::new(spec, choices)),
-            _ => Box::new(Opened::<6>::new(spec, choices)),
+        Ok(match taps {
+            4 => Box::new(Opened::<4>::new(spec, layout)),
+            _ => Box::new(Opened::<6>::new(spec, layout)),
         })
     }
 }
@@ -179,133 +187,7 @@ impl Algorithm for PolarFormat {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Choices {
     taps: usize,
-    centre_m: [f64; 3],
-}
-
-/// Plan opened for forming. The transform, which all tiles share, is computed with the first tile and kept.
-struct Opened<'a, const W: usize> {
-    spec: ImageSpec<'a>,
-    plane: Plane<'a>,
-    extent: Extent,
-    norm: f64,
-    transform: Mutex<Option<Arc<Readable<W>>>>,
-}
-
-impl<'a, const W: usize> Opened<'a, W> {
-    fn new(spec: ImageSpec<'a>, choices: Choices) -> Self {
-        let centre_m = DVec3::from(choices.centre_m);
-        let plane = Plane::new(spec.collection, spec.grid, Some(centre_m));
-        Self {
-            extent: plane.image_extent(spec.grid),
-            plane,
-            norm: spec.weights.normalisation(),
-            spec,
-            transform: Mutex::new(None),
-        }
-    }
-
-    /// Compute the transform of all samples.
-    fn transform(&self, work: &Work) -> Result<Readable<W>, FormError> {
-        let collection = self.spec.collection;
-        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
-        let mut budget = Budget::new(work.memory_bytes);
-        let band = self.plane.spectrum(collection);
-        let mut raster = Raster::<W>::new(band, self.extent, &mut budget)?;
-        let block = budget.take_block(
-            "a pulse",
-            (8 * BLOCKS_HELD * num_samples) as u64,
-            num_pulses.min(cost::BLOCK_PULSES),
-            &[Remedy::MoreMemory],
-        )?;
-        read_ahead(
-            work.history,
-            blocks_of(num_pulses, block),
-            |pulses, samples| {
-                let tracks: Vec<Track> = samples
-                    .par_chunks_exact_mut(num_samples)
-                    .zip(pulses.clone())
-                    .map(|(row, n)| {
-                        let _spreading = during(work.monitor, raster::SPREADING);
-                        self.refer(n, row)
-                    })
-                    .collect();
-                raster.spread(&tracks, samples, work.monitor);
-                if work.monitor.cancelled() {
-                    return Err(FormError::Cancelled);
-                }
-                // The remaining work is transforms and interpolation.
-                work.monitor
-                    .progress(0.6 * pulses.end as f64 / num_pulses as f64);
-                Ok(())
-            },
-        )?;
-        let transform = raster.transform(self.spec.numerics.transforms, work.monitor);
-        work.monitor.progress(0.8);
-        Ok(transform)
-    }
-
-    /// Refer the weighted samples of pulse `n` to the image centre; return their spatial frequencies.
-    fn refer(&self, n: usize, row: &mut [Complex32]) -> Track {
-        let ImageSpec {
-            collection,
-            weights,
-            ..
-        } = self.spec;
-        let pulse = &collection.pulses[n];
-        let gradient = self.plane.gradient(pulse);
-        let path_m =
-            pulse.relative_path_m(self.plane.centre_m) + gradient.dot(self.extent.centre_m);
-        let delay_s = path_m / SPEED_OF_LIGHT_M_S;
-        let weight = weights.slow[n] * self.norm;
-        let ramp = Ramp::new(pulse.start_hz * delay_s, pulse.step_hz * delay_s, weight);
-        compensation::refer(row, &weights.fast, ramp);
-        let cycles = gradient / SPEED_OF_LIGHT_M_S;
-        Track {
-            start: cycles * pulse.start_hz,
-            step: cycles * pulse.step_hz,
-        }
-    }
-}
-
-impl<const W: usize> Forming for Opened<'_, W> {
-    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        let mut kept = self
-            .transform
-            .lock()
-            .unwrap_or_else(|held| held.into_inner());
-        let transform = match &*kept {
-            Some(transform) => transform.clone(),
-            None => kept.insert(Arc::new(self.transform(work)?)).clone(),
-        };
-        drop(kept);
-        let beyond = AtomicBool::new(false);
-        let stage = cost::PIXELS;
-        for_each(
-            self.spec.grid,
-            tiles,
-            work.monitor,
-            stage,
-            |point, pixel| {
-                let place_m = self.plane.place(point) - self.extent.centre_m;
-                if !place_m.abs().cmple(self.extent.half_m).all() {
-                    beyond.store(true, Ordering::Relaxed);
-                }
-                *pixel += transform.at(place_m) * phasor32(transform.carrier.dot(place_m));
-            },
-        );
-        if work.monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        // The extent comes from sampled pixels. It contains all pixels where paths are approximately linear; near an antenna they have
-        // a cusp.
-        if beyond.into_inner() {
-            let why = "the linear approximation of paths fails: the grid lies around an antenna";
-            let remedies = [Remedy::GridWithout, Remedy::OtherFormer(&["bp"])];
-            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
-        }
-        work.monitor.progress(1.0);
-        Ok(())
-    }
+    layout: Layout,
 }
 
 impl PolarFormat {
@@ -318,5 +200,39 @@ impl PolarFormat {
         } else {
             6
         }
+    }
+
+    /// Fastest layout of patches and sub-apertures that keeps the bound with a path rounding of `rounded`, and its kernel taps.
+    fn divided(
+        &self,
+        spec: &ImageSpec,
+        rounded: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<(Planned, usize)>, FormError> {
+        let target = libm::pow(10.0, self.error_db / 20.0);
+        let mut best: Option<(f64, (Planned, usize))> = None;
+        for taps in [4, 6] {
+            let others = raster::error(taps).powi(2) + rounded.powi(2);
+            let left = match taps {
+                // A bound that the kernels exceed is approached.
+                6 => (target.powi(2) - others).max(others / 4.0),
+                _ => target.powi(2) - others,
+            };
+            if taps < self.taps() || left <= 0.0 {
+                continue;
+            }
+            let time_s = |layout: &Layout| {
+                let rasters = layout.rasters(spec, taps).ok()?;
+                Some(cost::cost(spec, layout, &rasters).core_s())
+            };
+            let found = Planned::fastest(spec, left.sqrt(), time_s, || monitor.cancelled())?;
+            if let Some(planned) = found
+                && let Some(time_s) = time_s(&planned.layout)
+                && best.as_ref().is_none_or(|(least_s, _)| time_s < *least_s)
+            {
+                best = Some((time_s, (planned, taps)));
+            }
+        }
+        Ok(best.map(|(_, found)| found))
     }
 }

@@ -1,19 +1,13 @@
-//! Grid plane of polar format: spectral support of the collection, and pixel positions in the linear path model.
-
-use std::f64::consts::TAU;
+//! Patch of the grid seen from a sub-aperture: spectral support of its pulses, and pixel positions in the linear path model.
 
 use glam::{DMat2, DVec2, DVec3};
-use rayon::prelude::*;
 
-use crate::probes::{Shares, probes, rough, turned};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::phase_history::{Collection, Pulse, Weights};
+use subaperture_model::phase_history::Pulse;
 
 /// Number of pulses to which a pixel position is fitted.
 pub(super) const FIT_PULSES: usize = 16;
-/// Largest number of paths evaluated for the residual.
-const PROBED_PATHS: usize = 8_000_000;
 /// Points per side at which the grid's image is sampled: a circle exceeds a chord of a 32nd of it by
 /// half a per cent of the radius.
 const PROBE_POINTS: usize = 33;
@@ -40,9 +34,10 @@ pub(super) struct Band {
     pub(super) high: DVec2,
 }
 
-/// Coordinates in the grid plane, along and across the mean line of sight, and the position fit.
+/// Coordinates in the grid plane, along and across the mean line of sight of some pulses, and the position fit.
 pub(super) struct Plane<'a> {
     pub(super) centre_m: DVec3,
+    pulses: &'a [Pulse],
     along: DVec3,
     across: DVec3,
     fit: Vec<FitPulse<'a>>,
@@ -58,15 +53,11 @@ struct FitPulse<'a> {
 }
 
 impl<'a> Plane<'a> {
-    pub(super) fn new(
-        collection: &'a Collection,
-        grid: &ImageGrid,
-        centre_m: Option<DVec3>,
-    ) -> Self {
+    /// Plane of `grid` for `pulses`, with paths linear about `centre_m`, by default the grid's centre.
+    pub(super) fn new(pulses: &'a [Pulse], grid: &ImageGrid, centre_m: Option<DVec3>) -> Self {
         let centre_m = centre_m.unwrap_or_else(|| middle(grid));
         let normal = grid.x_axis.cross(grid.y_axis);
-        let mean: DVec3 = collection
-            .pulses
+        let mean: DVec3 = pulses
             .iter()
             .map(|pulse| path_gradient(pulse, centre_m))
             .sum();
@@ -76,12 +67,13 @@ impl<'a> Plane<'a> {
             .unwrap_or(grid.x_axis);
         let mut plane = Self {
             centre_m,
+            pulses,
             along,
             across: normal.cross(along),
             fit: Vec::new(),
             inverse: DMat2::ZERO,
         };
-        plane.fit = plane.some_pulses(collection, FIT_PULSES);
+        plane.fit = plane.some_pulses(FIT_PULSES);
         let mut sum = DMat2::ZERO;
         for p in &plane.fit {
             let g = p.gradient;
@@ -92,8 +84,8 @@ impl<'a> Plane<'a> {
     }
 
     /// At most `count` pulses, each at the centre of its share of the aperture.
-    fn some_pulses(&self, collection: &'a Collection, count: usize) -> Vec<FitPulse<'a>> {
-        let pulses = &collection.pulses;
+    fn some_pulses(&self, count: usize) -> Vec<FitPulse<'a>> {
+        let pulses = self.pulses;
         let count = count.min(pulses.len());
         (0..count)
             .map(|i| {
@@ -128,14 +120,14 @@ impl<'a> Plane<'a> {
     }
 
     /// Extent of the spatial frequencies of all samples.
-    pub(super) fn spectrum(&self, collection: &Collection) -> Band {
+    pub(super) fn spectrum(&self, num_samples: usize) -> Band {
         let mut band = Band {
             low: DVec2::INFINITY,
             high: DVec2::NEG_INFINITY,
         };
-        for pulse in &collection.pulses {
+        for pulse in self.pulses {
             let cycles = self.gradient(pulse) / SPEED_OF_LIGHT_M_S;
-            for k in [0, collection.num_samples.saturating_sub(1)] {
+            for k in [0, num_samples.saturating_sub(1)] {
                 let place = cycles * pulse.frequency_hz(k);
                 band.low = band.low.min(place);
                 band.high = band.high.max(place);
@@ -157,56 +149,6 @@ impl<'a> Plane<'a> {
             centre_m: (low + high) / 2.0,
             half_m: half_m.max(DVec2::splat(MIN_HALF_M)),
         }
-    }
-
-    /// Predicted relative RMS error of the worst pixel from the phase error of linear paths,
-    /// and its part that varies fast from pulse to pulse.
-    pub(super) fn residual(
-        &self,
-        collection: &Collection,
-        weights: &Weights,
-        grid: &ImageGrid,
-    ) -> [f64; 2] {
-        let points = probes(grid);
-        let count = collection.pulses.len();
-        let most = (PROBED_PATHS / points.len()).max(1);
-        // Even sampling with a golden-ratio offset avoids aliasing with periodic errors.
-        let chosen: Vec<usize> = if count <= most {
-            (0..count).collect()
-        } else {
-            let place = |i: usize| {
-                let offset = (i as f64 * 0.618_033_988_749_895).fract();
-                ((i as f64 + offset) * count as f64 / most as f64) as usize
-            };
-            (0..most).map(place).collect()
-        };
-        let slow: Vec<f64> = chosen.iter().map(|&n| weights.slow[n]).collect();
-        let (slow, fast) = (Shares::new(&slow), Shares::new(&weights.fast));
-        let linearised: Vec<(&Pulse, DVec2, f64, f64)> = chosen
-            .iter()
-            .map(|&n| {
-                let pulse = &collection.pulses[n];
-                let squares = (0..collection.num_samples).map(|k| pulse.frequency_hz(k).powi(2));
-                let rms_hz = fast.worst(squares).sqrt();
-                let centre_path_m = pulse.path_m(self.centre_m);
-                (pulse, self.gradient(pulse), centre_path_m, rms_hz)
-            })
-            .collect();
-        let worst = points.par_iter().map(|&point| {
-            let place = self.place(point);
-            let phase_rad =
-                |(pulse, gradient, centre_path_m, rms_hz): &(&Pulse, DVec2, f64, f64)| {
-                    let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
-                    TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S
-                };
-            let phases_rad: Vec<f64> = linearised.iter().map(phase_rad).collect();
-            [
-                slow.worst(phases_rad.iter().map(|&phase_rad| turned(phase_rad))),
-                slow.worst(rough(&phases_rad).map(turned)),
-            ]
-        });
-        let most = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
-        worst.reduce(|| [0.0; 2], most).map(f64::sqrt)
     }
 }
 

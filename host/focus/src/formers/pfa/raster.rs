@@ -19,7 +19,6 @@ use rayon::prelude::*;
 use subaperture_fft::Transforms;
 
 use super::plane::{self, Extent};
-use crate::budget::Budget;
 use crate::{FormError, Reason, Remedy};
 use subaperture_kernels::gridding::{Band, Line};
 use subaperture_kernels::lanes::Instructions;
@@ -154,21 +153,9 @@ pub(super) struct Raster<const W: usize> {
 }
 
 impl<const W: usize> Raster<W> {
-    pub(super) fn new(
-        band: plane::Band,
-        extent: Extent,
-        budget: &mut Budget,
-    ) -> Result<Self, FormError> {
+    /// Empty raster; its memory is at most [`RasterSize::bytes`].
+    pub(super) fn new(band: plane::Band, extent: Extent) -> Result<Self, FormError> {
         let [rows, columns] = raster_axes(band, extent, W)?;
-        budget.take(
-            "the raster of the scene's spectrum",
-            RasterSize::new(band, extent, W)?.bytes(),
-            &[
-                Remedy::SmallerGrid,
-                Remedy::OtherFormer(&["rdbp"]),
-                Remedy::MoreMemory,
-            ],
-        )?;
         Ok(Self {
             kernel: KaiserBessel::new(W),
             rows,
@@ -348,7 +335,7 @@ mod tests {
             centre_m: DVec2::ZERO,
             half_m: DVec2::new(7.0, 11.0),
         };
-        let mut raster = Raster::<6>::new(band, extent, &mut Budget::new(1 << 24)).unwrap();
+        let mut raster = Raster::<6>::new(band, extent).unwrap();
         raster.spread(&tracks, &samples, &Silent);
         let image = raster.transform(Transforms::Fastest, &Silent);
         let (mut error, mut power) = (0.0, 0.0);
