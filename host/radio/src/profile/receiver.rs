@@ -55,6 +55,7 @@ impl Receiver {
         search_m: f64,
         reach_m: f64,
     ) -> Result<Self, ProfileError> {
+        check_apart(sweep, ranges_m)?;
         let seen = sweep.scatterers(FLOOR_DB, reach_m)?;
         let matched = matched(&seen, ranges_m, search_m)?;
         let pairs = || ranges_m.iter().zip(&matched);
@@ -114,6 +115,22 @@ impl Receiver {
     }
 }
 
+/// Refuse reflectors that are closer than the range resolution: both would be one scatterer.
+fn check_apart(sweep: &Sweep, ranges_m: &[f64]) -> Result<(), ProfileError> {
+    let bandwidth_hz = sweep.values.len() as f64 * sweep.step_hz.abs();
+    let resolution_m = SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz);
+    let mut sorted = ranges_m.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let close = sorted.windows(2).find(|two| two[1] - two[0] < resolution_m);
+    match close {
+        None => Ok(()),
+        Some(two) => Err(ProfileError::Options(format!(
+            "expected reflectors farther apart than the range resolution of {resolution_m:.2} m, found reflectors at {} m and {} m: leave one out",
+            two[0], two[1]
+        ))),
+    }
+}
+
 /// Scatterers of the reflectors at a common delay of at most `search_m` metres, those with the largest power in all.
 fn matched(
     seen: &[PointScatterer],
@@ -164,4 +181,33 @@ fn matched(
         range_m: lost.unwrap_or(first_m),
     }
     .into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two echoes at 5 and 8 m, and a survey with a reflector next to one of them.
+    #[test]
+    fn reflectors_within_a_resolution_cell_are_refused() {
+        let step_hz = 4e6;
+        let values = (0..50).map(|n| {
+            let cycles = 2.0 * (1.1e9 + f64::from(n) * step_hz) / SPEED_OF_LIGHT_M_S;
+            Some(phasor(-cycles * 5.0) + phasor(-cycles * 8.0))
+        });
+        let sweep = Sweep {
+            start_hz: 1.1e9,
+            step_hz,
+            values: values.collect(),
+            times_s: vec![0.0; 50],
+        };
+        let of = |ranges_m: &[f64]| Receiver::of(&sweep, &[], ranges_m, 1.0, 20.0);
+        assert!(of(&[8.0, 5.0]).unwrap().delay_s.abs() < 1e-12);
+        // 200 MHz have a resolution of 0.75 m.
+        let error = of(&[8.0, 5.0, 8.5]).unwrap_err().to_string();
+        assert!(
+            error.contains("0.75 m, found reflectors at 8 m and 8.5 m"),
+            "{error}"
+        );
+    }
 }
