@@ -4,6 +4,7 @@ use glam::DVec3;
 use subaperture_signal::dense::Factor;
 
 use super::clean::Echo;
+use super::cube::OVERSAMPLING;
 use super::geometry::{Motion, Place};
 use super::maps::{Local, SpaceTime};
 use super::state::{FINE, State};
@@ -15,6 +16,10 @@ const PATH_DEVIATION: f64 = 0.003;
 
 /// Smallest step of a single parameter, relative to a fine step.
 const LEAST_STEP: f64 = 1.0 / 16.0;
+
+/// Distances from a target at which the clutter is measured: range cells, and resolutions of the aperture in Doppler.
+const LEVEL_CELLS: [f64; 6] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0];
+const LEVEL_SLOPES: [f64; 3] = [-2.0, 0.0, 2.0];
 
 /// Largest number of steps of Newton's method.
 const NEWTON_STEPS: usize = 12;
@@ -201,12 +206,28 @@ impl SpaceTime {
         })
     }
 
-    /// Target of a maximum, with the covariance by the curvature of the statistic.
+    /// Mean of the coherent statistic at the motion of a target that was removed from the samples, displaced in range and in position along the track; at least 1, its value in
+    /// clutter that is independent from sub-CPI to sub-CPI. Slow clutter stays in the cells of a target, and is coherent with itself.
+    pub(super) fn clutter_level(&self, state: &State) -> f64 {
+        let cell_m = self.cube.axes.path_step_m * OVERSAMPLING as f64;
+        let apart = LEVEL_CELLS.into_iter().flat_map(|cells| [-cells, cells]);
+        let places = apart.flat_map(|range| LEVEL_SLOPES.map(|slope| (range, slope)));
+        let levels = places.filter_map(|(range, slope)| {
+            let state = state.moved(0, range * cell_m);
+            let state = state.moved(1, slope * self.fine_slope());
+            let integrated = self.integrate(&self.motion(&state)?);
+            (2 * integrated.sub_cpis > self.cube.sub_cpis.len()).then_some(integrated.coherent)
+        });
+        let levels: Vec<f64> = levels.collect();
+        (levels.iter().sum::<f64>() / levels.len().max(1) as f64).max(1.0)
+    }
+
+    /// Target of a maximum, with the covariance by the curvature of the statistic and the level of the clutter.
     pub(super) fn mover(
         &self,
         state: &State,
         integrated: Integrated,
-        echo: Option<&Echo>,
+        (echo, level): (Option<&Echo>, f64),
     ) -> Option<Mover> {
         let motion = self.motion(state)?;
         let local = self.local(state, echo)?;
@@ -215,7 +236,7 @@ impl SpaceTime {
         let mut errors: Vec<[f64; 4]> = (0..4)
             .map(|i| {
                 let mut column = [0.0; 4];
-                column[i] = 1.0;
+                column[i] = level;
                 information.solve(&mut column);
                 column
             })

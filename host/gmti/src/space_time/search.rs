@@ -13,6 +13,8 @@
 //!
 //! **False alarms.** A resolution cell is tested for `H` independent hypotheses of curvature and radial velocity. The threshold is that of the probability `Pfa / H`
 //! of one (Bonferroni), for a statistic that is exponential of mean 1, raised by `(K / (K - N))^2` for the covariance of `N` degrees of freedom from `K` snapshots.
+//! Around the remains of a target near a blind velocity, whose amplitude is unknown, the statistic has a larger mean. After its removal a target is dropped if it does not exceed the threshold times
+//! that mean at its own motion in neighbouring places; the mean also scales its covariance.
 
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -85,7 +87,7 @@ pub fn find(
         )));
     }
     let mut found = Found::default();
-    for pass in 0..MAX_PASSES {
+    for pass in 0..=MAX_PASSES {
         monitor.progress(pass as f64 / MAX_PASSES as f64);
         let left = |found: &Found| {
             let motions = found.motions();
@@ -96,7 +98,8 @@ pub fn find(
                 break;
             }
         }
-        if left(&found)?.search(&mut found, monitor)? == 0 {
+        // Targets of the last pass are estimated again, too.
+        if pass == MAX_PASSES || left(&found)?.search(&mut found, monitor)? == 0 {
             break;
         }
     }
@@ -212,7 +215,7 @@ impl SpaceTime {
             let free = (0..responses.len()).filter(|&m| !masked(m));
             let free = Integrated::of(free.map(|m| responses[m].term));
             if free.coherent > threshold
-                && let Some(mover) = self.mover(&state, integrated, None)
+                && let Some(mover) = self.mover(&state, integrated, (None, 1.0))
             {
                 strongest = strongest.or(Some(integrated.coherent));
                 found.targets.push(Target {
@@ -237,10 +240,14 @@ impl SpaceTime {
             };
             let maximum = self.maximised(target.state, Some(&echo));
             let (state, integrated) = maximum.filter(|(_, i)| i.coherent > threshold)?;
+            let level = self.clutter_level(&state);
+            if integrated.coherent <= level * threshold {
+                return None;
+            }
             if !self.near(&state, &target.state) {
                 return Some((0.0, target));
             }
-            let Some(mover) = self.mover(&state, integrated, Some(&echo)) else {
+            let Some(mover) = self.mover(&state, integrated, (Some(&echo), level)) else {
                 return Some((0.0, target));
             };
             let responses = self.responses(&mover.motion, Some(&echo));
