@@ -1,4 +1,4 @@
-//! Coherent pairs of SAR images: registration, interferogram, coherence and its statistics, coherent change detection (CCD).
+//! Coherent SAR images: registration, interferogram, coherence and its statistics, coherent change detection (CCD), displacement over repeat passes.
 //!
 //! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; the crate `subaperture`
 //! re-exports it as the module `interferometry`.

@@ -172,7 +172,10 @@ fn displacement_of_accelerating_slide_is_within_a_tenth_of_a_millimetre() {
     };
     for stable in [settings.stable.clone(), Vec::new()] {
         let robust = stable.is_empty();
-        let settings = Settings { stable, ..settings.clone() };
+        let settings = Settings {
+            stable,
+            ..settings.clone()
+        };
         let series = slope.measured(5, &settings).unwrap();
         assert_eq!(series.points.len(), 900);
         assert_eq!(series.counts.doubtful, 0);
@@ -189,12 +192,18 @@ fn displacement_of_accelerating_slide_is_within_a_tenth_of_a_millimetre() {
         // No slip of half a wavelength, 8.5 mm: five deviations and more only.
         assert!(largest < 0.5e-3, "{largest}");
         assert!(rms_mm < 0.1, "{rms_mm}");
-        assert!((rms_mm / stated_mm - 1.0).abs() < 0.1, "{rms_mm} {stated_mm}");
+        assert!(
+            (rms_mm / stated_mm - 1.0).abs() < 0.1,
+            "{rms_mm} {stated_mm}"
+        );
         // Slope of each screen relative to the first pass, within five deviations.
         for (k, screen) in series.screens.iter().enumerate().skip(1) {
             let truth = weather(k)[1] - weather(0)[1];
             let error = (screen.slope_rad_per_m - truth).abs();
-            assert!(error < 5.0 * screen.slope_deviation_rad_per_m, "{k}: {screen:?} {truth}");
+            assert!(
+                error < 5.0 * screen.slope_deviation_rad_per_m,
+                "{k}: {screen:?} {truth}"
+            );
         }
     }
 }
@@ -230,11 +239,21 @@ fn bars_of_95_percent_cover_90_to_98_percent() {
             let settings = match stable {
                 true => settings.clone(),
                 // At rest, so that all points may determine the screen.
-                false => Settings { stable: Vec::new(), ..settings.clone() },
+                false => Settings {
+                    stable: Vec::new(),
+                    ..settings.clone()
+                },
             };
             let slope = match stable {
-                true => Slope { times_s: slope.times_s.clone(), ..slope },
-                false => Slope { motion: |_, _, _| 0.0, times_s: slope.times_s.clone(), ..slope },
+                true => Slope {
+                    times_s: slope.times_s.clone(),
+                    ..slope
+                },
+                false => Slope {
+                    motion: |_, _, _| 0.0,
+                    times_s: slope.times_s.clone(),
+                    ..slope
+                },
             };
             let (mut errors, mut velocities) = (Vec::new(), Vec::new());
             for seed in 0..30 {
@@ -294,7 +313,10 @@ fn half_wavelength_slips_of_fast_slides_are_reported() {
         (0.35, block!(0.35)),
     ];
     let settings = Settings {
-        stable: vec![rectangle((-1e3, -60.0), (0.0, 1e3)), rectangle((60.0, 1e3), (0.0, 1e3))],
+        stable: vec![
+            rectangle((-1e3, -60.0), (0.0, 1e3)),
+            rectangle((60.0, 1e3), (0.0, 1e3)),
+        ],
         ..Settings::default()
     };
     let (mut slips, mut silent) = (0, 0);
@@ -319,7 +341,11 @@ fn half_wavelength_slips_of_fast_slides_are_reported() {
                 }
             }
         }
-        println!("{rate} wavelengths a pass: {wrong} slips, {unreported} unreported, {} doubtful of {}", series.counts.doubtful, series.points.len());
+        println!(
+            "{rate} wavelengths a pass: {wrong} slips, {unreported} unreported, {} doubtful of {}",
+            series.counts.doubtful,
+            series.points.len()
+        );
         if rate == 0.125 {
             assert_eq!((wrong, series.counts.doubtful), (0, 0));
         }
@@ -345,7 +371,10 @@ fn stable_area_defines_zero_displacement() {
     };
     let settings = Settings {
         screen: ScreenModel::Constant,
-        stable: vec![StableArea::Disc { centre_m: [0.0, 115.0], radius_m: 20.0 }],
+        stable: vec![StableArea::Disc {
+            centre_m: [0.0, 115.0],
+            radius_m: 20.0,
+        }],
         ..Settings::default()
     };
     let mean_of = |series: &DisplacementSeries| {
@@ -362,7 +391,15 @@ fn stable_area_defines_zero_displacement() {
     let fastest = series.points.last().unwrap().velocity_m_s * 86_400.0;
     assert!((fastest - 1e-3).abs() < 0.1e-3, "{fastest}");
     // Three quarters of the points move alike: they are the reference.
-    let series = slope.measured(3, &Settings { stable: Vec::new(), ..settings }).unwrap();
+    let series = slope
+        .measured(
+            3,
+            &Settings {
+                stable: Vec::new(),
+                ..settings
+            },
+        )
+        .unwrap();
     let moved = mean_of(&series);
     assert!(moved.abs() < 0.06e-3, "{moved}");
 }
@@ -387,45 +424,127 @@ fn unsuited_passes_and_settings_are_refused() {
     };
     let settings = Settings::default();
     let refused = |passes: &Passes, settings: &Settings| measure(passes, settings).unwrap_err();
-    let one = Passes { images: &images[..1], times_s: &[0.0], ..passes };
+    let one = Passes {
+        images: &images[..1],
+        times_s: &[0.0],
+        ..passes
+    };
     assert_eq!(refused(&one, &settings), DisplacementError::Passes(1));
-    let equal = Passes { times_s: &[0.0, 5.0, 5.0], ..passes };
-    assert!(matches!(refused(&equal, &settings), DisplacementError::Order { pass: 2, .. }));
-    let few = Passes { times_s: &[0.0, 5.0], ..passes };
-    assert!(matches!(refused(&few, &settings), DisplacementError::Times { passes: 3, times: 2 }));
-    let other = Slope { side: 5, times_s: days(3), ..slope }.grid();
-    let other = Passes { grid: &other, ..passes };
-    assert!(matches!(refused(&other, &settings), DisplacementError::Size { pass: 0, .. }));
-    let zero = Passes { wavelength_m: 0.0, ..passes };
-    assert!(matches!(refused(&zero, &settings), DisplacementError::Setting { name: "wavelength", .. }));
-    let wide = Settings { dispersion: 1.5, ..settings.clone() };
-    assert!(matches!(refused(&passes, &wide), DisplacementError::Setting { name: "dispersion", .. }));
-    let high = Settings { floor_db: 50.0, ..settings.clone() };
+    let equal = Passes {
+        times_s: &[0.0, 5.0, 5.0],
+        ..passes
+    };
     assert!(matches!(
-        refused(&passes, &high),
-        DisplacementError::TooFewPoints { found: 0, above_floor: 0, .. }
+        refused(&equal, &settings),
+        DisplacementError::Order { pass: 2, .. }
     ));
-    let empty = Settings { stable: vec![rectangle((500.0, 600.0), (0.0, 10.0))], ..settings.clone() };
-    assert!(matches!(refused(&passes, &empty), DisplacementError::EmptyArea(_)));
-    let single = Settings {
-        stable: vec![StableArea::Disc { centre_m: slope_point(), radius_m: 1.0 }],
+    let few = Passes {
+        times_s: &[0.0, 5.0],
+        ..passes
+    };
+    assert!(matches!(
+        refused(&few, &settings),
+        DisplacementError::Times {
+            passes: 3,
+            times: 2
+        }
+    ));
+    let other = Slope {
+        side: 5,
+        times_s: days(3),
+        ..slope
+    }
+    .grid();
+    let other = Passes {
+        grid: &other,
+        ..passes
+    };
+    assert!(matches!(
+        refused(&other, &settings),
+        DisplacementError::Size { pass: 0, .. }
+    ));
+    let zero = Passes {
+        wavelength_m: 0.0,
+        ..passes
+    };
+    assert!(matches!(
+        refused(&zero, &settings),
+        DisplacementError::Setting {
+            name: "wavelength",
+            ..
+        }
+    ));
+    let wide = Settings {
+        dispersion: 1.5,
         ..settings.clone()
     };
-    assert!(matches!(refused(&passes, &single), DisplacementError::TooFewStable { found: 1, .. }));
+    assert!(matches!(
+        refused(&passes, &wide),
+        DisplacementError::Setting {
+            name: "dispersion",
+            ..
+        }
+    ));
+    let high = Settings {
+        floor_db: 50.0,
+        ..settings.clone()
+    };
+    assert!(matches!(
+        refused(&passes, &high),
+        DisplacementError::TooFewPoints {
+            found: 0,
+            above_floor: 0,
+            ..
+        }
+    ));
+    let empty = Settings {
+        stable: vec![rectangle((500.0, 600.0), (0.0, 10.0))],
+        ..settings.clone()
+    };
+    assert!(matches!(
+        refused(&passes, &empty),
+        DisplacementError::EmptyArea(_)
+    ));
+    let single = Settings {
+        stable: vec![StableArea::Disc {
+            centre_m: slope_point(),
+            radius_m: 1.0,
+        }],
+        ..settings.clone()
+    };
+    assert!(matches!(
+        refused(&passes, &single),
+        DisplacementError::TooFewStable { found: 1, .. }
+    ));
     // Pixels that are not finite in one pass are no points; every pixel of a response may be one.
     let mut holed = images.clone();
     let at = (SPACING + 1) * (6 * SPACING) + SPACING + 1;
     holed[1].pixels[at] = Complex32::new(f32::NAN, 0.0);
     let whole = measure(&passes, &settings).unwrap();
-    let less = measure(&Passes { images: &holed, ..passes }, &settings).unwrap();
+    let less = measure(
+        &Passes {
+            images: &holed,
+            ..passes
+        },
+        &settings,
+    )
+    .unwrap();
     let is_there = |series: &DisplacementSeries| {
         (series.points.iter()).any(|p| (p.row, p.column) == (SPACING + 1, SPACING + 1))
     };
     assert!(is_there(&whole) && !is_there(&less));
     // The median pixel belongs to the edge of a response, 6 dB down.
-    let all = Settings { choice: PointChoice::All, floor_db: -3.0, ..settings };
+    let all = Settings {
+        choice: PointChoice::All,
+        floor_db: -3.0,
+        ..settings
+    };
     let all = measure(&passes, &all).unwrap();
-    assert!(all.points.len() > 4 * whole.points.len(), "{}", all.points.len());
+    assert!(
+        all.points.len() > 4 * whole.points.len(),
+        "{}",
+        all.points.len()
+    );
 }
 
 /// Position of the first point of a slope of 6 x 6.

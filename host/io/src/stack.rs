@@ -111,7 +111,10 @@ impl Stack<'_> {
         let tiling = self.tiling();
         let tile = 8 * tiling.tile[0] as u64 * tiling.tile[1] as u64;
         let pixels = tiling.image[0] * tiling.image[1];
-        let layers = self.measures.iter().map(|measure| measure.values.len() / pixels.max(1));
+        let layers = self
+            .measures
+            .iter()
+            .map(|measure| measure.values.len() / pixels.max(1));
         let images = 2 * self.images.len() + layers.sum::<usize>();
         tile / 2 * tiling.count() as u64 * images as u64
     }

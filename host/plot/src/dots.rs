@@ -5,7 +5,7 @@ use super::colours::Colours;
 use super::scale::Levels;
 
 /// Radius of a dot, and the width of its edge, pixels.
-const RADIUS: f64 = 4.0;
+const RADIUS: f64 = 6.0;
 const EDGE: f64 = 1.0;
 
 /// Colour of dots without a value; not a colour of viridis.
@@ -48,9 +48,7 @@ impl Dots {
         let (bottom, top) = self.range;
         let sound = bottom.is_finite() && top.is_finite() && bottom < top;
         (!sound).then(|| {
-            format!(
-                "dots: expected a finite range with top above bottom, found {bottom} to {top}"
-            )
+            format!("dots: expected a finite range with top above bottom, found {bottom} to {top}")
         })
     }
 
@@ -67,9 +65,12 @@ impl Dots {
             if !([right, down].iter().all(|part| (0.0..=1.0).contains(part))) {
                 continue;
             }
-            let centre = [x as f64 + right * width as f64, y as f64 + down * height as f64];
-            let colour = (!dot.value.is_nan())
-                .then(|| self.colours.at((dot.value - low) / (high - low)));
+            let centre = [
+                x as f64 + right * width as f64,
+                y as f64 + down * height as f64,
+            ];
+            let colour =
+                (!dot.value.is_nan()).then(|| self.colours.at((dot.value - low) / (high - low)));
             let corner = centre.map(|v| (v - RADIUS - 1.0).floor() as i64);
             let side = (2.0 * RADIUS) as i64 + 3;
             for (row, column) in (0..side).flat_map(|r| (0..side).map(move |c| (r, c))) {

@@ -41,7 +41,8 @@ pub(super) fn select(
         let power = f64::from(powers[*i]);
         power > 0.0 && power >= floor
     };
-    let chosen = |i: &usize| settings.choice == PointChoice::All || is_maximum(&powers, columns, *i);
+    let chosen =
+        |i: &usize| settings.choice == PointChoice::All || is_maximum(&powers, columns, *i);
     let above: Vec<usize> = (0..powers.len()).filter(bright).collect();
     let bright: Vec<usize> = above.iter().copied().filter(chosen).collect();
     let gains = gains(passes.images, &bright);
@@ -76,7 +77,12 @@ pub(super) fn select(
 /// Mean power of each pixel over the passes; NaN where a pass has no finite value.
 fn mean_powers(images: &[Image]) -> Vec<f32> {
     let share = 1.0 / images.len() as f64;
-    let at = |i: usize| images.iter().map(|image| power(image.pixels[i])).sum::<f64>();
+    let at = |i: usize| {
+        images
+            .iter()
+            .map(|image| power(image.pixels[i]))
+            .sum::<f64>()
+    };
     let pixels = images.first().map_or(0, |image| image.pixels.len());
     (0..pixels).map(|i| (share * at(i)) as f32).collect()
 }

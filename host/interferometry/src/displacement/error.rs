@@ -72,7 +72,9 @@ pub enum DisplacementError {
         floor_db: f64,
     },
     /// A stable area has no point.
-    #[error("stable area {0}: expected persistent points, found none: check its position, or enlarge it")]
+    #[error(
+        "stable area {0}: expected persistent points, found none: check its position, or enlarge it"
+    )]
     EmptyArea(StableArea),
     /// The stable areas do not determine the screen.
     #[error(

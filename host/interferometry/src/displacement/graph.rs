@@ -79,7 +79,11 @@ fn nearest(places: &[[f64; 2]]) -> Vec<[usize; 2]> {
         for ring in 0..=most {
             // Cells at the Chebyshev distance `ring`.
             for dx in -ring..=ring {
-                let step = if dx.abs() == ring { 1 } else { (2 * ring).max(1) };
+                let step = if dx.abs() == ring {
+                    1
+                } else {
+                    (2 * ring).max(1)
+                };
                 for dy in (-ring..=ring).step_by(step as usize) {
                     let others = cells.get(&[x + dx, y + dy]).into_iter().flatten();
                     let others = others.filter(|&&q| q != p);

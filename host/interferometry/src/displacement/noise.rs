@@ -72,7 +72,8 @@ fn digamma(mut x: f64) -> f64 {
     let inverse = 1.0 / (x * x);
     sum + libm::log(x)
         - 0.5 / x
-        - inverse * (1.0 / 12.0 - inverse * (1.0 / 120.0 - inverse * (1.0 / 252.0 - inverse / 240.0)))
+        - inverse
+            * (1.0 / 12.0 - inverse * (1.0 / 120.0 - inverse * (1.0 / 252.0 - inverse / 240.0)))
 }
 
 /// Trigamma function of a positive argument (Abramowitz and Stegun 6.4.12).
@@ -83,8 +84,7 @@ fn trigamma(mut x: f64) -> f64 {
         x += 1.0;
     }
     let inverse = 1.0 / (x * x);
-    let series =
-        1.0 / 6.0 - inverse * (1.0 / 30.0 - inverse * (1.0 / 42.0 - inverse / 30.0));
+    let series = 1.0 / 6.0 - inverse * (1.0 / 30.0 - inverse * (1.0 / 42.0 - inverse / 30.0));
     sum + 1.0 / x + 0.5 * inverse + inverse / x * series
 }
 

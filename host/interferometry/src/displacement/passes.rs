@@ -174,9 +174,24 @@ pub(super) fn check(passes: &Passes, settings: &Settings) -> Result<(), Displace
     within("wavelength", "a length above 0 m", wavelength_m, sound)?;
     let dispersion = settings.dispersion;
     let sound = dispersion > 0.0 && dispersion <= 1.0;
-    within("dispersion", "a number above 0 and up to 1", dispersion, sound)?;
+    within(
+        "dispersion",
+        "a number above 0 and up to 1",
+        dispersion,
+        sound,
+    )?;
     let floor_db = settings.floor_db;
-    within("floor", "a finite level in dB", floor_db, floor_db.is_finite())?;
+    within(
+        "floor",
+        "a finite level in dB",
+        floor_db,
+        floor_db.is_finite(),
+    )?;
     let odd = passes.radar_m.iter().find(|v| !v.is_finite());
-    within("radar position", "finite metres", odd.copied().unwrap_or_default(), odd.is_none())
+    within(
+        "radar position",
+        "finite metres",
+        odd.copied().unwrap_or_default(),
+        odd.is_none(),
+    )
 }

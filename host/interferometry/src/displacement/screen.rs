@@ -182,7 +182,11 @@ impl Design {
     /// Screens of all passes after the first from unwrapped phases relative to it, with one robust weight per point: that of its largest residual.
     pub(super) fn joint(&self, phases: &[Vec<f64>]) -> Joint {
         let count = self.across.len();
-        let mut weights: Vec<f64> = self.members.iter().map(|&m| f64::from(u8::from(m))).collect();
+        let mut weights: Vec<f64> = self
+            .members
+            .iter()
+            .map(|&m| f64::from(u8::from(m)))
+            .collect();
         let mut screens = Vec::new();
         let mut inverse = [[0.0; 2]; 2];
         for iteration in 0..=ITERATIONS {
@@ -207,7 +211,13 @@ impl Design {
                 }
             }
             let next: Vec<f64> = (0..count)
-                .map(|p| if self.members[p] { biweight(largest[p]) } else { 0.0 })
+                .map(|p| {
+                    if self.members[p] {
+                        biweight(largest[p])
+                    } else {
+                        0.0
+                    }
+                })
                 .collect();
             // Without any weight left, as for two points that disagree, the plain fit stays.
             if self.normal(|p| next[p])[0][0] < self.terms as f64 {

@@ -164,7 +164,8 @@ fn unwrapped(
     let mut sums = vec![0.0; candidates.len()];
     let mut phases = Vec::with_capacity(passes.images.len() - 1);
     for pass in 1..passes.images.len() {
-        let difference = |c: &Candidate, from: usize| (c.values[pass] * c.values[from].conj()).arg();
+        let difference =
+            |c: &Candidate, from: usize| (c.values[pass] * c.values[from].conj()).arg();
         let steps: Vec<f64> = candidates.iter().map(|c| difference(c, pass - 1)).collect();
         let screen = design.of_wrapped(&steps, passes.wavelength_m);
         let left: Vec<f64> = (steps.iter().enumerate())
@@ -226,7 +227,9 @@ fn design(
     };
     let terms = settings.screen.terms();
     let middle = mean(ranges);
-    let scale_m = ranges.iter().fold(0.0f64, |most, r| most.max((r - middle).abs()));
+    let scale_m = ranges
+        .iter()
+        .fold(0.0f64, |most, r| most.max((r - middle).abs()));
     let own = || (ranges.iter().zip(&members)).filter_map(|(r, &member)| member.then_some(*r));
     let [low, high] = own().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], r| {
         [low.min(r), high.max(r)]

@@ -59,7 +59,12 @@ pub(super) fn unwrap(graph: &Graph, phases: &[f64], anchors: &[bool]) -> Unwrapp
             phases[root] + sets.phase(p)
         })
         .collect();
-    for (edge, &[p, q]) in graph.edges.iter().enumerate().filter(|&(edge, _)| sound[edge]) {
+    for (edge, &[p, q]) in graph
+        .edges
+        .iter()
+        .enumerate()
+        .filter(|&(edge, _)| sound[edge])
+    {
         if (phases[q] - phases[p] - differences[edge]).abs() > PI {
             doubtful[p] = true;
             doubtful[q] = true;

@@ -9,9 +9,7 @@ mod read;
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use subaperture::interferometry::displacement::{
-    DisplacementSeries, Passes, Settings, measure,
-};
+use subaperture::interferometry::displacement::{DisplacementSeries, Passes, Settings, measure};
 use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
@@ -63,12 +61,19 @@ pub(crate) fn run(session: &Session, typed: &Displacement) -> anyhow::Result<()>
     let rate = Rate::of_span(read.times_s.last().copied().unwrap_or_default());
     let mut about = about(&read, &series, &rate);
     let mut files = FileSet::new();
-    for (name, bytes) in PICTURES.iter().zip(pictures::draw(session, &read, &series, &rate)?) {
+    for (name, bytes) in PICTURES
+        .iter()
+        .zip(pictures::draw(session, &read, &series, &rate)?)
+    {
         interrupt::check()?;
         files.write_bytes(&typed.out.join(name), FileKind::Picture, &bytes)?;
     }
     let table = points::csv(&series, &read.frame, &rate);
-    files.write_bytes(&typed.out.join(POINTS), FileKind::Displacement, table.as_bytes())?;
+    files.write_bytes(
+        &typed.out.join(POINTS),
+        FileKind::Displacement,
+        table.as_bytes(),
+    )?;
     if has(PairFormat::Cog) {
         products::add_maps(session, typed, &read, &series, &rate, &mut files)?;
     }
@@ -80,7 +85,9 @@ pub(crate) fn run(session: &Session, typed: &Displacement) -> anyhow::Result<()>
     files.write_bytes(&typed.out.join(RECORD), FileKind::Record, &bytes)?;
     let mut files = files.commit()?;
     if has(PairFormat::Zarr) {
-        files.push(products::write_stack(session, typed, &read, &series, &rate)?);
+        files.push(products::write_stack(
+            session, typed, &read, &series, &rate,
+        )?);
     }
     if session.json() {
         about["files"] = json!(files);
@@ -112,7 +119,11 @@ fn measured(typed: &Displacement, read: &Read) -> anyhow::Result<DisplacementSer
 
 fn warn(series: &DisplacementSeries) {
     let counts = &series.counts;
-    let first = series.points.iter().filter_map(|point| point.doubtful_from).min();
+    let first = series
+        .points
+        .iter()
+        .filter_map(|point| point.doubtful_from)
+        .min();
     if let Some(pass) = first {
         messages::warning(format!(
             "displacement: {} of {} points move by more than an eighth of a wavelength relative to their neighbours between two passes; half-wavelength slips are possible from \
@@ -183,7 +194,10 @@ fn describe(typed: &Displacement, read: &Read, series: &DisplacementSeries, rate
         format!("reference            {reference}"),
         format!(
             "displacement         {}",
-            range(extremes(series, |n| 1e3 * series.points[n].displacement_m[last]), "mm")
+            range(
+                extremes(series, |n| 1e3 * series.points[n].displacement_m[last]),
+                "mm"
+            )
         ),
         format!(
             "standard deviation   {:.4} mm (median)",
@@ -191,7 +205,10 @@ fn describe(typed: &Displacement, read: &Read, series: &DisplacementSeries, rate
         ),
         format!(
             "velocity             {}",
-            range(extremes(series, |n| rate.of(series.points[n].velocity_m_s)), rate.text)
+            range(
+                extremes(series, |n| rate.of(series.points[n].velocity_m_s)),
+                rate.text
+            )
         ),
         typed.out.display().to_string(),
     ]

@@ -25,7 +25,7 @@ pub(super) fn draw(
 ) -> anyhow::Result<[Vec<u8>; 3]> {
     let last = read.times_s.len() - 1;
     let image = &read.images[last];
-    let span = format!("{:.4} {}", rate.time(read.times_s[last]), rate.unit());
+    let span = format!("{:.4} {}s", rate.time(read.times_s[last]), rate.unit());
     let displacement = over(
         session,
         read,
@@ -63,9 +63,16 @@ fn over(
         },
     };
     let dots: Vec<Dot> = series.points.iter().map(dot).collect();
-    let largest = dots.iter().map(|dot| dot.value.abs()).fold(0.0, f64::max);
-    // A scene entirely at rest has a range all the same.
-    let half = if largest > 0.0 { largest } else { 1.0 };
+    // From zero; comparisons with NaN leave the range unchanged.
+    let (low, high) = dots
+        .iter()
+        .fold((0.0, 0.0), |(low, high): (f64, f64), dot| {
+            (low.min(dot.value), high.max(dot.value))
+        });
+    let range = match low < high {
+        true => (low, high),
+        false => (-1.0, 1.0),
+    };
     let doubtful = match series.counts.doubtful {
         0 => String::new(),
         count => format!("; {count} doubtful points as rings"),
@@ -73,10 +80,11 @@ fn over(
     let panel = Panel {
         dots: Some(Dots {
             dots,
-            range: (-half, half),
+            range,
             unit: unit.to_owned(),
             colours: Colours::Viridis,
         }),
+        reference: "",
         ..Panel::new(
             Source::Whole(image),
             grid,
@@ -88,7 +96,13 @@ fn over(
 
 /// Curves with bars of the points with the largest displacement in any pass; doubtful points only if there are no others.
 fn curves(read: &Read, series: &DisplacementSeries, rate: &Rate) -> Result<Vec<u8>, PlotError> {
-    let size = |point: &Point| point.displacement_m.iter().map(|d| d.abs()).fold(0.0, f64::max);
+    let size = |point: &Point| {
+        point
+            .displacement_m
+            .iter()
+            .map(|d| d.abs())
+            .fold(0.0, f64::max)
+    };
     let mut movers: Vec<(usize, &Point)> = series.points.iter().enumerate().collect();
     movers.sort_by(|(_, a), (_, b)| {
         let doubtful = |point: &Point| point.doubtful_from.is_some();
@@ -109,10 +123,13 @@ fn curves(read: &Read, series: &DisplacementSeries, rate: &Rate) -> Result<Vec<u
             stroke: Stroke::Solid,
         }
     };
+    let end = rate.time(read.times_s.last().copied().unwrap_or_default());
     lines(&Chart {
         title: "points with the largest displacement, 95 % bars".to_owned(),
         across_label: format!("time after the first pass ({}s)", rate.unit()),
         up_label: "displacement away from the radar (mm)".to_owned(),
+        // Bars at both ends are drawn whole.
+        across: Some((-0.03 * end, 1.03 * end)),
         curves: movers.iter().take(CURVES).map(curve).collect(),
         ..Chart::default()
     })

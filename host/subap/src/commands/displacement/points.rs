@@ -13,7 +13,11 @@ use super::rate::Rate;
 pub(super) fn csv(series: &DisplacementSeries, frame: &SceneFrame, rate: &Rate) -> String {
     let mut table = format!("# {TEXT_MARK} {}\n", env!("CARGO_PKG_VERSION"));
     let placed = matches!(frame, SceneFrame::Earth { .. });
-    let place = if placed { ",latitude_deg,longitude_deg,height_m" } else { "" };
+    let place = if placed {
+        ",latitude_deg,longitude_deg,height_m"
+    } else {
+        ""
+    };
     let suffix = rate.suffix;
     let _ = write!(
         table,
@@ -25,7 +29,11 @@ pub(super) fn csv(series: &DisplacementSeries, frame: &SceneFrame, rate: &Rate) 
     table.push('\n');
     for (n, point) in series.points.iter().enumerate() {
         let [x, y, z] = point.position_m;
-        let _ = write!(table, "{n},{},{},{x:.4},{y:.4},{z:.4}", point.row, point.column);
+        let _ = write!(
+            table,
+            "{n},{},{},{x:.4},{y:.4},{z:.4}",
+            point.row, point.column
+        );
         if placed {
             match frame.geodetic(DVec3::from_array(point.position_m)) {
                 Some(at) => {

@@ -39,12 +39,16 @@ pub(super) fn add_maps(
     ];
     let [rows, columns] = [read.grid.rows.count, read.grid.columns.count];
     let images = [displacement, velocity].map(|values| rasters::real(rows, columns, &values));
-    let maps = MAPS.iter().zip(&titles).zip(&images);
-    let maps = maps.map(|((name, title), image)| Map {
+    let measures = [("displacement", "mm"), ("velocity", rate.text)];
+    let maps = MAPS.iter().zip(&titles).zip(images.iter().zip(measures));
+    let maps = maps.map(|((name, title), (image, (measure, unit)))| Map {
         name,
         title,
         image,
-        layout: cog::Layout::Complex,
+        layout: cog::Layout::Real {
+            name: measure,
+            unit,
+        },
     });
     let maps: Vec<Map> = maps.collect();
     rasters::add_maps(session, &typed.out, (&read.grid, &read.frame), &maps, files)
@@ -54,12 +58,16 @@ pub(super) fn add_maps(
 fn widened(read: &Read, series: &DisplacementSeries, value: impl Fn(&Point) -> f64) -> Vec<f32> {
     let [rows, columns] = [read.grid.rows.count, read.grid.columns.count];
     let mut values = vec![f32::NAN; rows * columns];
-    let certain = || series.points.iter().filter(|point| point.doubtful_from.is_none());
+    let certain = || {
+        series
+            .points
+            .iter()
+            .filter(|point| point.doubtful_from.is_none())
+    };
     for reach in [1, 0] {
         for point in certain() {
-            let around = |at: usize, count: usize| {
-                at.saturating_sub(reach)..=(at + reach).min(count - 1)
-            };
+            let around =
+                |at: usize, count: usize| at.saturating_sub(reach)..=(at + reach).min(count - 1);
             for row in around(point.row, rows) {
                 for column in around(point.column, columns) {
                     values[row * columns + column] = value(point) as f32;
@@ -96,7 +104,11 @@ pub(super) fn write_stack(
     let velocity = of_pass(&|point, _| rate.of(point.velocity_m_s), 1);
     let coherence = of_pass(&|point, _| point.coherence, 1);
     let doubtful = of_pass(
-        &|point, _| point.doubtful_from.map_or(f64::INFINITY, |pass| pass as f64),
+        &|point, _| {
+            point
+                .doubtful_from
+                .map_or(f64::INFINITY, |pass| pass as f64)
+        },
         1,
     );
     let measure = |name, long_name, units, values| Measure {
@@ -113,8 +125,18 @@ pub(super) fn write_stack(
             "mm",
             &displacement,
         ),
-        measure("deviation", "standard deviation of the displacement", "mm", &deviation),
-        measure("velocity", "slope of the displacement over time", &units, &velocity),
+        measure(
+            "deviation",
+            "standard deviation of the displacement",
+            "mm",
+            &deviation,
+        ),
+        measure(
+            "velocity",
+            "slope of the displacement over time",
+            &units,
+            &velocity,
+        ),
         measure("temporal_coherence", "temporal coherence", "1", &coherence),
         measure(
             "doubtful_from",

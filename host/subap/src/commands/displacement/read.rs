@@ -119,8 +119,10 @@ impl Read {
         let mut sorted: Vec<(usize, OpenImage)> = opened.into_iter().enumerate().collect();
         sorted.sort_by_key(|&(n, _)| order.iter().position(|&at| at == n));
         let opened: Vec<OpenImage> = sorted.into_iter().map(|(_, image)| image).collect();
-        let images: anyhow::Result<Vec<Image>> =
-            opened.iter().map(|image| stored::whole(&image.pixels)).collect();
+        let images: anyhow::Result<Vec<Image>> = opened
+            .iter()
+            .map(|image| stored::whole(&image.pixels))
+            .collect();
         let (grid, frame) = stored::grid(&opened[0]);
         Ok(Self {
             images: images?,
