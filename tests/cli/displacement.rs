@@ -332,7 +332,6 @@ fn unsuited_passes_and_options_are_refused() {
     ] {
         run(at, &format!("displacement {passes} -o out")).failed(2, &parts);
     }
-    run(at, "displacement first second --memory 1M -o out").failed(1, &["--memory"]);
     assert!(!at.join("out").exists());
     // Recordings without dates need times.
     let text = fs::read_to_string(at.join("first.toml")).unwrap();

@@ -65,9 +65,7 @@ pub(crate) const COMMANDS: [(&str, &[&str]); 36] = [
     ("pair", &["pair image image --format zarr -o pair --force"]),
     (
         "displacement",
-        &[
-            "displacement image image --times 0,60 --floor=-60 --points all --format zarr -o moved --force",
-        ],
+        &["displacement image image --times 0,60 --floor=-60 --format zarr -o moved --force"],
     ),
     (
         "quality",

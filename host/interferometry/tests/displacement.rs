@@ -15,7 +15,7 @@ use subaperture_interferometry::displacement::{
 use subaperture_model::geometry::{Axis, Extent, ImageGrid};
 use subaperture_model::image::Image;
 
-/// Ku band.
+/// Wavelength of a Ku-band radar.
 const WAVELENGTH_M: f64 = 0.017;
 /// Spacing of the pixels, and of the points in pixels.
 const STEP_M: f64 = 2.0;
@@ -72,7 +72,7 @@ impl Slope {
             let mut pixels: Vec<Complex64> = (0..count * count).map(|_| random.normal()).collect();
             let [constant, per_m] = (self.screen)(pass);
             for (n, origin) in origins.iter().enumerate() {
-                // Irregular by a pixel each way.
+                // Irregular by a pixel in rows and columns.
                 let row = n / self.side * SPACING + 1 + n * 5 % 7 % 2;
                 let column = n % self.side * SPACING + 1 + n * 3 % 11 % 2;
                 let [x, y] = self.place(row, column);
@@ -276,8 +276,8 @@ fn bars_of_95_percent_cover_90_to_98_percent() {
     }
 }
 
-/// A slide that is too fast for its passes: every displacement that is wrong by a slip is reported as doubtful. Peak rates from an eighth of a wavelength per pass, for which nothing is
-/// wrong, to 0.9; profiles of a few points' width.
+/// Slides that are too fast for their passes: every displacement that is wrong by a slip is reported as doubtful. Peak rates from an eighth of a wavelength per pass, which is measured without
+/// slips, to 3 wavelengths; profiles of one to four points' width, and blocks with a sharp edge.
 #[test]
 fn half_wavelength_slips_of_fast_slides_are_reported() {
     macro_rules! slide {
@@ -356,7 +356,7 @@ fn half_wavelength_slips_of_fast_slides_are_reported() {
     assert_eq!(silent, 0);
 }
 
-/// A uniform motion of the slope is displacement if an area beside it is stable, and atmosphere if none is named.
+/// A uniform motion of the slope is displacement relative to a stable area, and atmosphere if the settings name no area.
 #[test]
 fn stable_area_defines_zero_displacement() {
     fn uniform(_: f64, y: f64, pass: usize) -> f64 {
@@ -533,6 +533,14 @@ fn unsuited_passes_and_settings_are_refused() {
         (series.points.iter()).any(|p| (p.row, p.column) == (SPACING + 1, SPACING + 1))
     };
     assert!(is_there(&whole) && !is_there(&less));
+    let limited = Settings {
+        most_points: 35,
+        ..settings.clone()
+    };
+    assert!(matches!(
+        refused(&passes, &limited),
+        DisplacementError::TooManyPoints { most: 35, .. }
+    ));
     // The median pixel belongs to the edge of a response, 6 dB down.
     let all = Settings {
         choice: PointChoice::All,

@@ -20,7 +20,7 @@ pub struct Dots {
     pub range: (f64, f64),
     /// Short unit of the values, drawn below the colour bar.
     pub unit: String,
-    /// Colour map.
+    /// Colour map of the values.
     pub colours: Colours,
 }
 

@@ -61,7 +61,9 @@ pub(super) fn select(
             values,
         })
     });
-    let candidates: Vec<Candidate> = candidates.collect();
+    // One more shows that there are too many.
+    let most = settings.most_points;
+    let candidates: Vec<Candidate> = candidates.take(most.saturating_add(1)).collect();
     match candidates.len() {
         found if found < LEAST_POINTS => Err(DisplacementError::TooFewPoints {
             least: LEAST_POINTS,
@@ -69,6 +71,10 @@ pub(super) fn select(
             above_floor: above.len(),
             dispersion: settings.dispersion,
             floor_db: settings.floor_db,
+        }),
+        found if found > most => Err(DisplacementError::TooManyPoints {
+            most,
+            above_floor: above.len(),
         }),
         _ => Ok((candidates, above.len())),
     }

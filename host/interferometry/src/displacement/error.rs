@@ -1,20 +1,20 @@
 //! Errors of displacement.
 
-use super::passes::StableArea;
+use super::areas::StableArea;
 
 /// Error of measuring displacement.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DisplacementError {
-    /// Too few passes.
+    /// Fewer than two passes.
     #[error("displacement: expected at least 2 passes, found {0}")]
     Passes(usize),
     /// Times and passes do not agree in number.
     #[error("times: expected one for each of {passes} passes, found {times}")]
     Times {
-        /// Number of passes.
+        /// Number of given passes.
         passes: usize,
-        /// Number of times.
+        /// Number of given times.
         times: usize,
     },
     /// Times do not ascend.
@@ -26,7 +26,7 @@ pub enum DisplacementError {
         pass: usize,
         /// Time of the pass before, seconds.
         before_s: f64,
-        /// Its time, seconds.
+        /// Time of the later pass, seconds.
         found_s: f64,
     },
     /// An image does not have the size of the grid.
@@ -50,9 +50,9 @@ pub enum DisplacementError {
     Setting {
         /// Name of the setting.
         name: &'static str,
-        /// Permitted values.
+        /// Range of permitted values.
         expected: &'static str,
-        /// Its value.
+        /// Value that was given.
         found: f64,
     },
     /// Too few persistent points.
@@ -62,14 +62,24 @@ pub enum DisplacementError {
     TooFewPoints {
         /// Smallest number of points.
         least: usize,
-        /// Number found.
+        /// Number of points within the dispersion.
         found: usize,
         /// Number of pixels above the floor.
         above_floor: usize,
-        /// Largest dispersion.
+        /// Largest permitted amplitude dispersion.
         dispersion: f64,
-        /// Floor, dB.
+        /// Floor relative to the median pixel, dB.
         floor_db: f64,
+    },
+    /// More points than permitted.
+    #[error(
+        "points: expected up to {most}, found more among {above_floor} pixels above the floor: raise the floor, lower the dispersion, choose local maxima, or permit more memory"
+    )]
+    TooManyPoints {
+        /// Largest number of points.
+        most: usize,
+        /// Number of pixels above the floor.
+        above_floor: usize,
     },
     /// A stable area has no point.
     #[error(
@@ -83,7 +93,7 @@ pub enum DisplacementError {
     TooFewStable {
         /// Smallest number of points.
         least: usize,
-        /// Number found.
+        /// Number of points in stable areas.
         found: usize,
     },
     /// The ranges of the points do not determine a slope.

@@ -52,13 +52,14 @@
 //! **Velocity** is the slope of the least-squares line over all passes. Its deviation is that of noise: motion that is not linear lowers the temporal coherence
 //! `|mean_k exp(j residual_pk)|`.
 //!
-//! **Cost.** Memory is that of the images, and 12 bytes per pixel; time is dominated by reading the pixels once for each pass.
+//! **Cost.** Memory is that of the images, 24 bytes per pixel, and [`Settings::point_bytes`] per point.
 //!
 //! **Accuracy.** `host/interferometry/tests/displacement.rs`: 0.05 mm RMS at 17 mm wavelength and 30 dB, 95 % bars that cover 93 to 97 %.
 //!
 //! **Sources.** Ferretti, Prati, Rocca, "Permanent scatterers in SAR interferometry", IEEE Trans. Geosci. Remote Sens. 39(1), 2001; Monserrat, Crosetto, Luzi, "A review of ground-based SAR interferometry
 //! for deformation measurement", ISPRS J. Photogramm. Remote Sens. 93, 2014; Chim 2018, sections 1.1 and 2.4.
 
+mod areas;
 mod candidates;
 mod error;
 mod graph;
@@ -68,6 +69,7 @@ mod screen;
 mod series;
 mod unwrap;
 
+pub use areas::StableArea;
 pub use error::DisplacementError;
-pub use passes::{Passes, PointChoice, ScreenModel, Settings, StableArea};
+pub use passes::{Passes, PointChoice, ScreenModel, Settings};
 pub use series::{DisplacementSeries, PassScreen, Point, PointCounts, measure};

@@ -1,10 +1,9 @@
 //! Input of a measurement of displacement.
 
-use std::fmt;
-
-use subaperture_model::geometry::{Extent, ImageGrid};
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 
+use super::areas::StableArea;
 use super::error::DisplacementError;
 
 /// Complex images of repeat passes on one grid.
@@ -43,57 +42,11 @@ pub enum ScreenModel {
 }
 
 impl ScreenModel {
-    /// Number of parameters.
+    /// Number of estimated parameters.
     pub(super) fn terms(self) -> usize {
         match self {
             Self::Linear => 2,
             Self::Constant => 1,
-        }
-    }
-}
-
-/// Area whose points are at rest, in x and y of the scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StableArea {
-    /// Rectangle.
-    Rectangle(Extent),
-    /// Disc.
-    Disc {
-        /// Centre, metres.
-        centre_m: [f64; 2],
-        /// Radius, metres.
-        radius_m: f64,
-    },
-}
-
-impl StableArea {
-    /// Whether the area contains a position.
-    pub fn contains(&self, [x_m, y_m]: [f64; 2]) -> bool {
-        match self {
-            Self::Rectangle(extent) => {
-                (extent.x_m.0..=extent.x_m.1).contains(&x_m)
-                    && (extent.y_m.0..=extent.y_m.1).contains(&y_m)
-            }
-            Self::Disc { centre_m, radius_m } => {
-                libm::hypot(x_m - centre_m[0], y_m - centre_m[1]) <= *radius_m
-            }
-        }
-    }
-}
-
-impl fmt::Display for StableArea {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Rectangle(extent) => write!(
-                f,
-                "x {} to {} m, y {} to {} m",
-                extent.x_m.0, extent.x_m.1, extent.y_m.0, extent.y_m.1
-            ),
-            Self::Disc { centre_m, radius_m } => write!(
-                f,
-                "within {radius_m} m of x {} m, y {} m",
-                centre_m[0], centre_m[1]
-            ),
         }
     }
 }
@@ -107,14 +60,16 @@ pub struct Settings {
     pub floor_db: f64,
     /// Pixels that can be points.
     pub choice: PointChoice,
-    /// Atmospheric screen.
+    /// Model of the atmospheric screen.
     pub screen: ScreenModel,
     /// Areas at rest; empty for a robust fit to all points.
     pub stable: Vec<StableArea>,
+    /// Largest number of points. Each takes about [`Self::point_bytes`] of memory.
+    pub most_points: usize,
 }
 
 impl Default for Settings {
-    /// A dispersion up to 0.25, a floor of 10 dB, local maxima, a screen linear in range, no stable areas.
+    /// A dispersion up to 0.25, a floor of 10 dB, local maxima, a screen linear in range, no stable areas, any number of points.
     fn default() -> Self {
         Self {
             dispersion: 0.25,
@@ -122,7 +77,15 @@ impl Default for Settings {
             choice: PointChoice::Maxima,
             screen: ScreenModel::Linear,
             stable: Vec::new(),
+            most_points: usize::MAX,
         }
+    }
+}
+
+impl Settings {
+    /// Memory of a point in this number of passes, bytes: values, phases and results, eight edges and some twelve triangles.
+    pub fn point_bytes(passes: usize) -> u64 {
+        1000 + 50 * passes as u64
     }
 }
 

@@ -25,7 +25,7 @@ pub(super) struct Design {
     pub(super) members: Vec<bool>,
     /// Metres of range per unit of `across`.
     pub(super) scale_m: f64,
-    /// 1 or 2.
+    /// Number of estimated terms: 1 or 2.
     pub(super) terms: usize,
 }
 

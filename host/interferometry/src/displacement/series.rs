@@ -30,11 +30,11 @@ pub struct DisplacementSeries {
 pub struct PassScreen {
     /// Phase at [`DisplacementSeries::screen_range_m`], radians.
     pub phase_rad: f64,
-    /// Its standard deviation.
+    /// Standard deviation of that phase, radians.
     pub phase_deviation_rad: f64,
     /// Slope over range, radians per metre.
     pub slope_rad_per_m: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the slope, radians per metre.
     pub slope_deviation_rad_per_m: f64,
     /// Factor of variances: mean square of the normalised residuals of the screen's points, 1 unless it exceeds 1 significantly.
     pub excess: f64,
@@ -47,7 +47,7 @@ pub struct PassScreen {
 pub struct PointCounts {
     /// Pixels above the floor.
     pub above_floor: usize,
-    /// Persistent points.
+    /// Number of persistent points.
     pub points: usize,
     /// Points in stable areas.
     pub stable: usize,
@@ -57,7 +57,7 @@ pub struct PointCounts {
     pub doubtful: usize,
 }
 
-/// Persistent point.
+/// Persistent point with its time series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// Row of the pixel.
@@ -70,7 +70,7 @@ pub struct Point {
     pub range_m: f64,
     /// Mean power over the passes, that of a unit scatterer being 1.
     pub power: f64,
-    /// Amplitude dispersion index.
+    /// Amplitude dispersion index: deviation over mean of the calibrated amplitudes.
     pub dispersion: f64,
     /// Phase deviation in one pass, radians.
     pub phase_deviation_rad: f64,
@@ -84,7 +84,7 @@ pub struct Point {
     pub deviation_m: Vec<f64>,
     /// Slope of the least-squares line over all passes, metres a second.
     pub velocity_m_s: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the velocity, metres a second.
     pub velocity_deviation_m_s: f64,
     /// Temporal coherence: magnitude of the mean phasor of the residuals of that line, 0 to 1.
     pub coherence: f64,

@@ -95,7 +95,7 @@ impl From<Choice> for PointChoice {
 pub(crate) enum Screen {
     /// Phase linear in range
     Linear,
-    /// Constant phase
+    /// Phase constant over the scene
     Constant,
 }
 

@@ -118,7 +118,20 @@ const EXAMPLES: [(&str, &str); 40] = [
 ];
 
 /// Options in `-h` of commands whose whole help is longer than a screen, by command. `--help` shows all options.
-const SHORT: [(&str, &[&str]); 15] = [
+const SHORT: [(&str, &[&str]); 16] = [
+    (
+        "displacement",
+        &[
+            "out",
+            "times",
+            "stable",
+            "dispersion",
+            "floor",
+            "screen",
+            "formats",
+            "force",
+        ],
+    ),
     (
         "focus",
         &[

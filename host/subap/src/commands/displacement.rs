@@ -8,8 +8,11 @@ mod read;
 
 use std::time::Instant;
 
+use anyhow::anyhow;
 use serde_json::{Value, json};
-use subaperture::interferometry::displacement::{DisplacementSeries, Passes, Settings, measure};
+use subaperture::interferometry::displacement::{
+    DisplacementError, DisplacementSeries, Passes, Settings, measure,
+};
 use subaperture::io::ours::Kind;
 use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
@@ -113,8 +116,14 @@ fn measured(typed: &Displacement, read: &Read) -> anyhow::Result<DisplacementSer
         choice: typed.points.into(),
         screen: typed.screen.into(),
         stable: typed.stable.clone(),
+        most_points: read.most_points,
     };
-    Ok(measure(&passes, &settings)?)
+    measure(&passes, &settings).map_err(|error| match error {
+        DisplacementError::TooManyPoints { .. } => {
+            anyhow!("{error}: --floor, --dispersion, --points maxima, --memory")
+        }
+        _ => error.into(),
+    })
 }
 
 fn warn(series: &DisplacementSeries) {
@@ -171,7 +180,7 @@ fn describe(typed: &Displacement, read: &Read, series: &DisplacementSeries, rate
     let last = read.times_s.len() - 1;
     let range = |extremes: Option<[f64; 2]>, unit: &str| match extremes {
         Some([low, high]) => format!("{low:.3} to {high:.3} {unit}, positive away from the radar"),
-        None => "of no point is certain".to_owned(),
+        None => "not known: all points are doubtful".to_owned(),
     };
     let deviations = series.points.iter().map(|point| point.deviation_m[last]);
     let mut deviations: Vec<f64> = deviations.collect();

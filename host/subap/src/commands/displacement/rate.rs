@@ -4,7 +4,7 @@
 pub(super) struct Rate {
     /// Suffix of names: `mm_per_day`.
     pub(super) suffix: &'static str,
-    /// Text: `mm/day`.
+    /// Text with a solidus: `mm/day`.
     pub(super) text: &'static str,
     /// Seconds of the unit.
     seconds: f64,

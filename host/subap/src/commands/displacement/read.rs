@@ -4,6 +4,7 @@ use anyhow::{anyhow, bail};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::{Image, ImageSource as _};
 use subaperture::images::OpenImage;
+use subaperture::interferometry::displacement::Settings;
 use subaperture::io::product::Antennas;
 
 use crate::args::{Displacement, PairFormat};
@@ -18,7 +19,7 @@ const SAME_APERTURE: f64 = 0.1;
 /// Largest relative difference of wavelengths: some 1e-3 rad over 100 wavelengths of displacement.
 const SAME_WAVELENGTH: f64 = 1e-6;
 
-/// Passes, earliest first.
+/// Passes sorted by time, earliest first.
 pub(super) struct Read {
     pub(super) opened: Vec<OpenImage>,
     pub(super) images: Vec<Image>,
@@ -30,6 +31,8 @@ pub(super) struct Read {
     pub(super) frame: SceneFrame,
     pub(super) radar_m: [f64; 3],
     pub(super) wavelength_m: f64,
+    /// Largest number of points within the memory budget.
+    pub(super) most_points: usize,
 }
 
 /// Acquisition of a pass as recorded.
@@ -64,7 +67,8 @@ impl Acquisition {
         Ok(Self {
             wavelength_m,
             radar_m,
-            start_ns: antennas.start_ns,
+            // Writers without a date state the beginning of 1970.
+            start_ns: antennas.start_ns.filter(|&start_ns| start_ns != 0),
             middle_s: ends.map_or(0.0, |(first, last)| 0.5 * (first + last)),
         })
     }
@@ -99,7 +103,7 @@ impl Read {
             acquired.push(acquisition);
             opened.push(image);
         }
-        check_memory(session, typed, &opened[0])?;
+        let most_points = most_points(session, typed, &opened[0])?;
         let times_s = times(typed, &opened, &acquired)?;
         check_acquisitions(&opened, &acquired)?;
         let mut order: Vec<usize> = (0..opened.len()).collect();
@@ -125,6 +129,7 @@ impl Read {
             .collect();
         let (grid, frame) = stored::grid(&opened[0]);
         Ok(Self {
+            most_points,
             images: images?,
             opened,
             times_s: order.iter().map(|&n| times_s[n] - first_s).collect(),
@@ -186,22 +191,27 @@ fn check_acquisitions(opened: &[OpenImage], acquired: &[Acquisition]) -> anyhow:
     Ok(())
 }
 
-/// Fail if all passes and results exceed the budget.
-fn check_memory(session: &Session, typed: &Displacement, first: &OpenImage) -> anyhow::Result<()> {
+/// Largest number of points within the budget; fail if the passes alone exceed it.
+fn most_points(
+    session: &Session,
+    typed: &Displacement,
+    first: &OpenImage,
+) -> anyhow::Result<usize> {
     let (rows, columns) = first.pixels.size();
-    let passes = typed.passes.len() as u128;
-    // Images, mean power and its copy, maps; displacement and deviation of each pass.
+    let passes = typed.passes.len();
+    // Images; mean power and numbers of pixels, or maps; displacement and deviation of each pass.
     let stack = match typed.formats.contains(&PairFormat::Zarr) {
-        true => 8 * passes + 12,
+        true => 8 * passes as u128 + 12,
         false => 0,
     };
-    let bytes = (8 * passes + 40 + stack) * rows as u128 * columns as u128;
-    if bytes > u128::from(session.memory_bytes) {
+    let bytes = (8 * passes as u128 + 48 + stack) * rows as u128 * columns as u128;
+    let Some(left) = u128::from(session.memory_bytes).checked_sub(bytes) else {
         bail!(
             "{passes} passes of {rows} x {columns} pixels need {}; --memory allows {}: raise --memory or form smaller images",
             text::bytes(bytes),
             text::bytes(session.memory_bytes.into())
         );
-    }
-    Ok(())
+    };
+    let points = left / u128::from(Settings::point_bytes(passes));
+    Ok(usize::try_from(points).unwrap_or(usize::MAX))
 }
