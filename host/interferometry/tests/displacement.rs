@@ -559,3 +559,47 @@ fn unsuited_passes_and_settings_are_refused() {
 fn slope_point() -> [f64; 2] {
     [-(3.0 * SPACING as f64 - 1.0) * STEP_M, NEAR_M + STEP_M]
 }
+
+/// Noise between the points, three times as many sites as points: its maxima that look steady over few passes are doubtful, and points stay certain.
+#[test]
+fn noise_maxima_are_doubtful_and_leave_points_certain() {
+    fn creep(x: f64, y: f64, pass: usize) -> f64 {
+        2e-4 * pass as f64 * (-0.5 * (x * x + (y - 180.0).powi(2)) / 400.0).exp()
+    }
+    let (mut noise, mut certain) = (0, 0);
+    for passes in [3, 5] {
+        let slope = Slope {
+            side: 20,
+            times_s: days(passes),
+            motion: creep,
+            snr_db: |n| if n % 4 == 0 { 30.0 } else { -60.0 },
+            screen: weather,
+        };
+        let settings = Settings {
+            floor_db: -40.0,
+            stable: vec![rectangle((-1e3, -50.0), (0.0, 1e3))],
+            ..Settings::default()
+        };
+        let mut series = slope.measured(3, &settings).unwrap();
+        // 27 dB over the noise: no maximum of the noise.
+        let (points, maxima): (Vec<_>, Vec<_>) = series
+            .points
+            .into_iter()
+            .partition(|point| point.power > 500.0);
+        assert_eq!(points.len(), 100);
+        assert!(points.iter().all(|point| point.doubtful_from.is_none()));
+        noise += maxima.len();
+        certain += maxima.iter().filter(|m| m.doubtful_from.is_none()).count();
+        series.points = points;
+        let errors = slope.errors(&series);
+        let rms_mm = 1e3 * rms(errors.iter().map(|e| e[0]));
+        println!(
+            "{passes} passes: {} maxima of noise, rms of points {rms_mm:.4} mm",
+            maxima.len()
+        );
+        assert!(rms_mm < 0.1, "{rms_mm}");
+    }
+    // A random phase is within an eighth of a turn of a quiet neighbour with a probability of a quarter: in both steps of three passes 1 of 16.
+    println!("{certain} of {noise} maxima are certain");
+    assert!(noise > 50 && certain * 8 < noise, "{certain} {noise}");
+}

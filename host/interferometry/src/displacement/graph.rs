@@ -2,24 +2,38 @@
 
 use std::collections::HashMap;
 
-/// Neighbours of each point.
+/// Neighbours of each quiet point, and quiet neighbours of a noisy one.
 const NEIGHBOURS: usize = 8;
+const ANCHORS: usize = 3;
+
+/// Largest phase deviation of a quiet point, radians, where the median is smaller than a half of it.
+const QUIET_RAD: f64 = 0.15;
 
 /// Edges between neighbouring points, and the triangles that they form.
 pub(super) struct Graph {
-    /// Pairs of points, the lower number first, ascending.
+    /// Pairs of points, the lower number first.
     pub(super) edges: Vec<[usize; 2]>,
-    /// Triangles of points `p < q < r`, as the edges `pq`, `qr`, `pr`.
+    /// Triangles of quiet points `p < q < r`, as the edges `pq`, `qr`, `pr`.
     pub(super) triangles: Vec<[usize; 3]>,
     /// Whether an edge is short: not the longest of any triangle. Short edges connect all points (relative neighbourhood graph, Toussaint 1980).
     pub(super) short: Vec<bool>,
+    /// Number of the first edge of a noisy point.
+    pub(super) noisy_from: usize,
 }
 
 impl Graph {
-    /// Connect each point with its nearest neighbours, then the parts of the graph by the shortest edges from each smaller part.
-    pub(super) fn new(places: &[[f64; 2]]) -> Self {
-        let mut edges = nearest(places);
-        join_parts(places, &mut edges);
+    /// Connect each quiet point with its nearest quiet neighbours, then the parts of this graph by the shortest edges from each smaller part, and at last each noisy point with its nearest quiet ones.
+    ///
+    /// Points are quiet up to a phase deviation of 0.15 rad, or of twice the median where that is larger. Noisy points so do not disturb the paths between quiet ones.
+    pub(super) fn new(places: &[[f64; 2]], deviations: &[f64]) -> Self {
+        let mut sorted = deviations.to_vec();
+        let middle = sorted.len() / 2;
+        let median = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let most = QUIET_RAD.max(2.0 * median);
+        let (quiet, noisy): (Vec<usize>, Vec<usize>) =
+            (0..places.len()).partition(|&p| deviations[p] <= most);
+        let mut edges = nearest(places, &quiet, &quiet, NEIGHBOURS);
+        join_parts(places, &quiet, &mut edges);
         edges.sort_unstable();
         edges.dedup();
         let triangles = triangles(places.len(), &edges);
@@ -36,10 +50,14 @@ impl Graph {
                 short[longest] = false;
             }
         }
+        let noisy_from = edges.len();
+        edges.extend(nearest(places, &quiet, &noisy, ANCHORS));
+        short.resize(edges.len(), true);
         Self {
             edges,
             triangles,
             short,
+            noisy_from,
         }
     }
 }
@@ -49,8 +67,13 @@ fn square(a: [f64; 2], b: [f64; 2]) -> f64 {
     x * x + y * y
 }
 
-/// Edges to the nearest neighbours, by square cells with about two points each.
-fn nearest(places: &[[f64; 2]]) -> Vec<[usize; 2]> {
+/// Edges from the points `from` to the nearest ones of `to`, by square cells with about two points each.
+fn nearest(
+    places: &[[f64; 2]],
+    to: &[usize],
+    from: &[usize],
+    neighbours: usize,
+) -> Vec<[usize; 2]> {
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
     for place in places {
@@ -60,20 +83,22 @@ fn nearest(places: &[[f64; 2]]) -> Vec<[usize; 2]> {
         }
     }
     let [width, height] = [high[0] - low[0], high[1] - low[1]];
-    let count = places.len() as f64;
+    let count = to.len() as f64;
     let side = (2.0 * width * height / count)
         .sqrt()
         .max(2.0 * width.max(height) / count)
         .max(f64::MIN_POSITIVE);
     let cell = |place: &[f64; 2]| [0, 1].map(|i| ((place[i] - low[i]) / side) as i64);
     let mut cells: HashMap<[i64; 2], Vec<usize>> = HashMap::new();
-    for (p, place) in places.iter().enumerate() {
+    for &p in to {
+        let place = &places[p];
         cells.entry(cell(place)).or_default().push(p);
     }
-    let wanted = NEIGHBOURS.min(places.len() - 1);
+    let wanted = neighbours.min(to.len() - 1).max(1);
     let most = (width.max(height) / side) as i64 + 1;
-    let mut edges = Vec::with_capacity(wanted * places.len());
-    for (p, place) in places.iter().enumerate() {
+    let mut edges = Vec::with_capacity(wanted * from.len());
+    for &p in from {
+        let place = &places[p];
         let [x, y] = cell(place);
         let mut near: Vec<(f64, usize)> = Vec::new();
         for ring in 0..=most {
@@ -104,14 +129,14 @@ fn nearest(places: &[[f64; 2]]) -> Vec<[usize; 2]> {
 }
 
 /// Connect the parts of the graph: each part but the largest gets the shortest edge to another one, until one is left.
-fn join_parts(places: &[[f64; 2]], edges: &mut Vec<[usize; 2]>) {
+fn join_parts(places: &[[f64; 2]], points: &[usize], edges: &mut Vec<[usize; 2]>) {
     loop {
         let mut parts = Sets::new(places.len());
         for &[p, q] in edges.iter() {
             parts.join(p, q);
         }
         let mut members: HashMap<usize, Vec<usize>> = HashMap::new();
-        for p in 0..places.len() {
+        for &p in points {
             members.entry(parts.root(p)).or_default().push(p);
         }
         if members.len() <= 1 {
@@ -124,7 +149,7 @@ fn join_parts(places: &[[f64; 2]], edges: &mut Vec<[usize; 2]>) {
             let own = parts.root(part[0]);
             let mut best = (f64::INFINITY, [0, 0]);
             for &p in part {
-                for q in 0..places.len() {
+                for &q in points {
                     let length = square(places[p], places[q]);
                     if length < best.0 && parts.root(q) != own {
                         best = (length, [p.min(q), p.max(q)]);

@@ -34,7 +34,7 @@
 //!
 //! **Unwrapping.** Phase differences of successive passes are unwrapped in space, from neighbour to neighbour, on the assumption that neighbours move by less than `lambda / 4` relative to each other from pass
 //! to pass. The sum over passes is unlimited. An edge of the graph is *sound* if it is short (not the longest of a triangle), if its difference is below a quarter of a turn (`lambda / 8`), and if its points belong to
-//! no triangle whose differences do not add up to zero. Points that no chain of sound edges joins to the stable ones, and sound edges that contradict the result, are **doubtful** from this pass on
+//! no triangle whose differences do not add up to zero. Points of a large phase deviation are joined to their nearest quiet points only, within an eighth of a turn, so that they do not disturb the others. Points that no chain of sound edges joins to the stable ones, and sound edges that contradict the result, are **doubtful** from this pass on
 //! ([`Point::doubtful_from`]): their displacement is the smallest that agrees with the phases, and half-wavelength slips are possible. Phases alone cannot reveal a body that moves as a whole, relative to all its
 //! neighbours, by a multiple of half a wavelength (within an eighth) between two passes: repeat the passes more often than `lambda / 8` of the fastest motion.
 //!

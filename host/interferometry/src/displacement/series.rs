@@ -113,7 +113,7 @@ pub fn measure(
             grid.plane_m(grid.rows.at(c.row), grid.columns.at(c.column))
         })
         .collect();
-    let graph = Graph::new(&plane);
+    let graph = Graph::new(&plane, &design.deviations);
     let (phases, doubtful) = unwrapped(passes, &candidates, &design, &graph);
     design.leave_out(&doubtful);
     let joint = design.joint(&phases);

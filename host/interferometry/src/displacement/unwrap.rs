@@ -32,9 +32,16 @@ pub(super) fn unwrap(graph: &Graph, phases: &[f64], anchors: &[bool]) -> Unwrapp
             }
         }
     }
-    let sound: Vec<bool> = (graph.edges.iter().zip(&graph.short).zip(&differences))
-        .map(|((&[p, q], short), d)| *short && d.abs() < SOUND && !rough[p] && !rough[q])
-        .collect();
+    let sound = |edge: usize| {
+        let most = match edge < graph.noisy_from {
+            true => SOUND,
+            // Random phases must not pass as sound.
+            false => SOUND / 2.0,
+        };
+        let [p, q] = graph.edges[edge];
+        graph.short[edge] && differences[edge].abs() < most && !rough[p] && !rough[q]
+    };
+    let sound: Vec<bool> = (0..differences.len()).map(sound).collect();
     let mut order: Vec<usize> = (0..differences.len()).collect();
     order.sort_unstable_by(|&a, &b| {
         let size = |e: usize| differences[e].abs();

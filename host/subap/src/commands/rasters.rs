@@ -17,7 +17,7 @@ use crate::interrupt;
 
 /// Map of an image's pixels.
 pub(super) struct Map<'a> {
-    /// File name.
+    /// Name of the file in the folder.
     pub(super) name: &'a str,
     pub(super) title: &'a str,
     pub(super) image: &'a Image,
