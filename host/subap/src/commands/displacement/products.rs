@@ -86,24 +86,24 @@ pub(super) fn write_stack(
     series: &DisplacementSeries,
     rate: &Rate,
 ) -> anyhow::Result<WrittenFile> {
-    let pixels = read.grid.rows.count * read.grid.columns.count;
-    let columns = read.grid.columns.count;
-    let of_pass = |value: &dyn Fn(&Point, usize) -> f64, passes: usize| {
-        let mut values = vec![f32::NAN; pixels * passes];
-        for point in &series.points {
-            for pass in 0..passes {
-                let at = pass * pixels + point.row * columns + point.column;
-                values[at] = value(point, pass) as f32;
-            }
-        }
-        values
-    };
     let passes = read.times_s.len();
-    let displacement = of_pass(&|point, pass| 1e3 * point.displacement_m[pass], passes);
-    let deviation = of_pass(&|point, pass| 1e3 * point.deviation_m[pass], passes);
-    let velocity = of_pass(&|point, _| rate.of(point.velocity_m_s), 1);
-    let coherence = of_pass(&|point, _| point.coherence, 1);
-    let doubtful = of_pass(
+    let displacement = on_grid(
+        read,
+        series,
+        &|point, pass| 1e3 * point.displacement_m[pass],
+        passes,
+    );
+    let deviation = on_grid(
+        read,
+        series,
+        &|point, pass| 1e3 * point.deviation_m[pass],
+        passes,
+    );
+    let velocity = on_grid(read, series, &|point, _| rate.of(point.velocity_m_s), 1);
+    let coherence = on_grid(read, series, &|point, _| point.coherence, 1);
+    let doubtful = on_grid(
+        read,
+        series,
         &|point, _| {
             point
                 .doubtful_from
@@ -162,4 +162,22 @@ pub(super) fn write_stack(
         attributes: &attributes,
     };
     rasters::write_stack(session, &stack, &typed.out.join(STACK))
+}
+
+/// Values of the points in as many passes, pass after pass; NaN on all other pixels.
+fn on_grid(
+    read: &Read,
+    series: &DisplacementSeries,
+    value: &dyn Fn(&Point, usize) -> f64,
+    passes: usize,
+) -> Vec<f32> {
+    let [rows, columns] = [read.grid.rows.count, read.grid.columns.count];
+    let mut values = vec![f32::NAN; rows * columns * passes];
+    for point in &series.points {
+        for pass in 0..passes {
+            let at = (pass * rows + point.row) * columns + point.column;
+            values[at] = value(point, pass) as f32;
+        }
+    }
+    values
 }
