@@ -320,7 +320,7 @@ fn unsuited_passes_and_options_are_refused() {
         run(at, &format!("displacement {passes} -o out")).failed(1, &parts);
     }
     for (passes, parts) in [
-        ("first", ["PASS", "2"]),
+        ("first", ["IMAGE", "2 values"]),
         ("first second --times 5", ["--times", "2 passes, found 1"]),
         ("first second --times now,later", ["--times", "0,6h,12h"]),
         ("first second --stable 5", ["--stable", "centre and radius"]),

@@ -21,7 +21,7 @@ use super::values::{any, finite, geodetic, output, quantity, rectangle};
 )]
 pub(crate) struct Displacement {
     /// Complex images of two or more passes on one grid: products of subap focus, or layers of a Zarr stack, FOLDER:N
-    #[arg(value_name = "PASS", required = true, num_args = 2.., value_hint = ValueHint::AnyPath)]
+    #[arg(value_name = "IMAGE", required = true, num_args = 2.., value_hint = ValueHint::AnyPath)]
     pub(crate) passes: Vec<PathBuf>,
 
     /// Folder for displacement.json, points.csv, displacement.png, velocity.png, series.png, and the formats of --format

@@ -64,7 +64,7 @@ const EXAMPLES: [(&str, &str); 40] = [
     ),
     (
         "displacement",
-        "subap displacement pass1 pass2 pass3 --out motion\nsubap displacement pass? --stable -50:50,200:260 --format cog,zarr --out motion",
+        "subap displacement pass1 pass2 pass3 --out motion\nsubap displacement pass1 pass2 pass3 --stable -50:50,200:260 --format cog,zarr --out motion",
     ),
     ("quality", "subap quality image --at 0,0"),
     ("view", "subap view image"),
