@@ -14,7 +14,7 @@ use crate::memory::{self, measured, peak_of};
 const BUDGETS: [u32; 2] = [28, 64];
 
 /// Commands with quick runs of each. `%` is the budget, which makes the names of outputs unique.
-pub(crate) const COMMANDS: [(&str, &[&str]); 35] = [
+pub(crate) const COMMANDS: [(&str, &[&str]); 36] = [
     (
         "focus",
         &["focus few.cphd --grid x=-20:20:0.1,y=-20:20:0.1 --allow-error -o out --force"],
@@ -63,6 +63,10 @@ pub(crate) const COMMANDS: [(&str, &[&str]); 35] = [
     ("navigation", &["navigation track.csv"]),
     ("compare", &["compare image image"]),
     ("pair", &["pair image image --format zarr -o pair --force"]),
+    (
+        "displacement",
+        &["displacement image image --times 0,60 --floor=-60 --format zarr -o moved --force"],
+    ),
     (
         "quality",
         &[
@@ -242,7 +246,7 @@ fn every_command_stays_within_its_memory() {
 }
 
 /// Commands that read `X`.
-const READERS: [&str; 34] = [
+const READERS: [&str; 35] = [
     "info X",
     "focus X -o o",
     "focus few.cphd --plan X -o o",
@@ -260,6 +264,7 @@ const READERS: [&str; 34] = [
     "navigation X",
     "compare X few.cphd",
     "pair X few.cphd -o o",
+    "displacement X X --times 0,60 -o o",
     "quality X",
     "picture X -o o.png",
     "view X",

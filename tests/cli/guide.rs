@@ -248,6 +248,7 @@ pages! {
     autofocus_page_runs: "host/guide/src/howto/autofocus.md",
     channels_page_runs: "host/guide/src/howto/channels.md",
     cphd_page_runs: "host/guide/src/howto/cphd.md",
+    displacement_page_runs: "host/guide/src/howto/displacement.md",
     export_page_runs: "host/guide/src/howto/export.md",
     gmti_page_runs: "host/guide/src/howto/gmti.md",
     jobs_page_runs: "host/guide/src/howto/jobs.md",

@@ -15,6 +15,7 @@ mod claimed_sizes;
 mod compare;
 mod completions;
 mod delays;
+mod displacement;
 mod doppler;
 #[path = "../../host/viewer/tests/driver.rs"]
 mod driver;

@@ -195,6 +195,7 @@ fn json_lists_exactly_the_written_files() {
         "autofocus",
         "navigation",
         "pair",
+        "displacement",
         "quality",
         "picture",
         "capture",

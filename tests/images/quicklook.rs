@@ -3,7 +3,9 @@
 use num_complex::Complex32;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
-use subaperture::plot::{Colours, Orientation, Panel, Scale, ShownAxis, panels, quicklook};
+use subaperture::plot::{
+    Colours, Dot, Dots, Orientation, Panel, Scale, ShownAxis, panels, quicklook,
+};
 
 use super::decoded::Picture;
 
@@ -427,4 +429,58 @@ fn axis_labels_are_complete_and_do_not_overlap() {
         let grid = ImageGrid::horizontal(axis, axis, 0.0);
         labels_below_grid(&grid, Scale::Fixed { top_db, span_db });
     }
+}
+
+/// Dots have the colour of their values at their places; without a value they are rings. The ends of viridis are (68, 1, 84) and (253, 231, 37).
+#[test]
+fn dots_have_colours_of_their_values() {
+    let grid: ImageGrid = "x=0:40:1,y=0:20:1".parse().unwrap();
+    let image = dot(20, 40, -30.0, 0, 0);
+    let values = [(2.0, 5.0, -1.0), (2.0, 35.0, 3.0), (15.0, 20.0, f64::NAN)];
+    let panel = Panel {
+        dots: Some(Dots {
+            dots: values.map(|(y, x, value)| Dot { at: [y, x], value }).into(),
+            range: (-1.0, 3.0),
+            unit: "mm".to_owned(),
+            colours: Colours::Viridis,
+        }),
+        ..fixed(&image, &grid)
+    };
+    let picture = Picture::decode(&quicklook(&panel).unwrap());
+    let [left, top, right, bottom] = picture.plot();
+    let side = (right - left) as f64 / 40.0;
+    // The middle of a pixel is half a pixel from its edge; rows point up.
+    let middle = |y: f64, x: f64| {
+        let across = left as f64 + (x + 0.5) * side;
+        let down = bottom as f64 - (y + 0.5) * side;
+        (across as usize, down as usize)
+    };
+    let at = |(x, y): (usize, usize)| picture.at(x, y);
+    assert_eq!(at(middle(2.0, 5.0)), [68, 1, 84]);
+    assert_eq!(at(middle(2.0, 35.0)), [253, 231, 37]);
+    // -30 dB of 60: the middle of grey, as in the rest of the image.
+    assert_eq!(at(middle(15.0, 20.0)), at(middle(10.0, 10.0)));
+    let (x, y) = middle(15.0, 20.0);
+    let around = [x - 12, y - 12, x + 12, y + 12];
+    let red = picture.find(around, [214, 40, 40]);
+    assert!(
+        red.is_some_and(|[l, t, r, b]| l < x && r > x && t < y && b > y),
+        "{red:?}"
+    );
+    assert!(top < bottom);
+    let Some(dots) = panel.dots.clone() else {
+        unreachable!()
+    };
+    let empty = Panel {
+        dots: Some(Dots {
+            range: (1.0, 1.0),
+            ..dots
+        }),
+        ..panel
+    };
+    let refused = quicklook(&empty).unwrap_err().to_string();
+    assert!(
+        refused.contains("dots: expected a finite range"),
+        "{refused}"
+    );
 }

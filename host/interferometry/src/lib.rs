@@ -1,4 +1,4 @@
-//! Coherent pairs of SAR images: registration, interferogram, coherence and its statistics, coherent change detection (CCD).
+//! Coherent SAR images: registration, interferogram, coherence and its statistics, coherent change detection (CCD), displacement over repeat passes.
 //!
 //! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; the crate `subaperture`
 //! re-exports it as the module `interferometry`.
@@ -11,7 +11,7 @@
 //!   ─> CoherenceDistribution: threshold for the false-alarm probability ─> ChangeMap
 //! ```
 //!
-//! [`detect_changes`] does the last three steps. Both images must be complex and on the same pixels; `subaperture::images::Pair` relates images on different grids.
+//! [`detect_changes`] does the last three steps; [`displacement`] measures the displacement of points over many passes. Both images must be complex and on the same pixels; `subaperture::images::Pair` relates images on different grids.
 //!
 //! **Signs.** The interferogram is `image conj(reference)`. In images formed by backprojection, a scatterer at `s` seen at the pixel `p` has the phase
 //! `(2 pi / lambda) (path(p) - path(s))`, so that the interferometric phase is
@@ -28,6 +28,7 @@
 #![forbid(unsafe_code)]
 
 mod change;
+pub mod displacement;
 mod error;
 mod interferogram;
 mod looks;

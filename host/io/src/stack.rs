@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `image` | stack, y, x | `complex64`, one chunk per tile of an image |
 //! | one per measure | y, x | `float32`, such as the coherence of two images; NaN where undefined |
+//! | one per measure of each image | stack, y, x | `float32`, such as the displacement in each pass; NaN where undefined |
 //! | `y`, `x` | y; x | float64: rows and columns of the grid, metres in its plane (for a polar grid range in metres and angle in radians) |
 //! | `stack` | stack | int64: image numbers from 0 |
 //! | `time` | stack | int64: start of each recording, nanoseconds since 1970; omitted unless known for all |
@@ -59,7 +60,7 @@ pub struct Stack<'a> {
     pub attributes: &'a Value,
 }
 
-/// Real value per pixel of a stack's grid.
+/// Real value per pixel of a stack's grid, common to all images or one for each.
 #[derive(Clone, Copy, Debug)]
 pub struct Measure<'a> {
     /// Name of the array, such as `coherence`.
@@ -68,8 +69,17 @@ pub struct Measure<'a> {
     pub long_name: &'a str,
     /// Units after the CF conventions.
     pub units: &'a str,
-    /// Values in row-major order.
+    /// Values in row-major order: those of one grid, or of as many as there are images, in their order.
     pub values: &'a [f32],
+}
+
+impl Measure<'_> {
+    /// Number of grids: 1, or that of the images. `None` for any other number of values.
+    fn layers(&self, pixels: usize, images: usize) -> Option<usize> {
+        [1, images]
+            .into_iter()
+            .find(|layers| self.values.len() == layers * pixels)
+    }
 }
 
 /// Reason why a stack was not written.
@@ -100,7 +110,12 @@ impl Stack<'_> {
     pub fn bytes(&self) -> u64 {
         let tiling = self.tiling();
         let tile = 8 * tiling.tile[0] as u64 * tiling.tile[1] as u64;
-        let images = 2 * self.images.len() + self.measures.len();
+        let pixels = tiling.image[0] * tiling.image[1];
+        let layers = self
+            .measures
+            .iter()
+            .map(|measure| measure.values.len() / pixels.max(1));
+        let images = 2 * self.images.len() + layers.sum::<usize>();
         tile / 2 * tiling.count() as u64 * images as u64
     }
 
@@ -110,11 +125,13 @@ impl Stack<'_> {
     /// [`StackError`]; `path` is then unchanged.
     ///
     /// # Panics
-    /// Panics if an image or measure does not have the grid's size, or the number of times is not zero or that of the images.
+    /// Panics if an image does not have the grid's size, if a measure has neither that size nor that of all images together, or if the number of times is not zero or that of
+    /// the images.
     pub fn write(&self, path: &Path, monitor: &dyn Monitor) -> Result<(), StackError> {
         let size = (self.grid.rows.count, self.grid.columns.count);
         assert!(self.images.iter().all(|image| image.size() == size));
-        let filled = |measure: &Measure| measure.values.len() == size.0 * size.1;
+        let pixels = size.0 * size.1;
+        let filled = |measure: &Measure| measure.layers(pixels, self.images.len()).is_some();
         assert!(self.measures.iter().all(filled));
         assert!([0, self.images.len()].contains(&self.start_ns.len()));
         let place = OutputPlace::of_folder(path)?;
@@ -166,22 +183,38 @@ impl Stack<'_> {
     }
 
     fn write_measures(&self, folder: &Path) -> io::Result<()> {
-        let tiling = self.tiling();
+        let pixels = self.grid.rows.count * self.grid.columns.count;
         for measure in self.measures {
-            for index in 0..tiling.count() {
-                let [rows, columns] = tiling.place(index);
-                let mut bytes = Vec::with_capacity(4 * tiling.tile[0] * tiling.tile[1]);
-                for row in 0..tiling.tile[0] {
-                    if row < rows.len() {
-                        let first = (rows.start + row) * tiling.image[1] + columns.start;
-                        let values = &measure.values[first..first + columns.len()];
-                        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+            let folder = folder.join(measure.name);
+            match measure.layers(pixels, self.images.len()) {
+                Some(1) => self.write_layer(&folder, &[], measure.values)?,
+                _ => {
+                    for (n, values) in measure.values.chunks_exact(pixels).enumerate() {
+                        self.write_layer(&folder, &[n], values)?;
                     }
-                    // Tiles at the edges are padded with zeros.
-                    bytes.resize(4 * tiling.tile[1] * (row + 1), 0);
                 }
-                chunk(&folder.join(measure.name), &tiling.at(index), &bytes)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Write the tiles of one grid of values; their keys begin with `layer`.
+    fn write_layer(&self, folder: &Path, layer: &[usize], values: &[f32]) -> io::Result<()> {
+        let tiling = self.tiling();
+        for index in 0..tiling.count() {
+            let [rows, columns] = tiling.place(index);
+            let mut bytes = Vec::with_capacity(4 * tiling.tile[0] * tiling.tile[1]);
+            for row in 0..tiling.tile[0] {
+                if row < rows.len() {
+                    let first = (rows.start + row) * tiling.image[1] + columns.start;
+                    let values = &values[first..first + columns.len()];
+                    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+                }
+                // Tiles at the edges are padded with zeros.
+                bytes.resize(4 * tiling.tile[1] * (row + 1), 0);
+            }
+            let keys = [layer, &tiling.at(index)].concat();
+            chunk(folder, &keys, &bytes)?;
         }
         Ok(())
     }
@@ -205,12 +238,18 @@ impl Stack<'_> {
         };
         image.write(folder, "image", &mut all)?;
         for measure in self.measures {
+            let [image, tile] = [tiling.image, tiling.tile];
+            let several = measure.values.len() > image[0] * image[1];
+            // Without the dimension of the stack for a measure that all images have in common.
+            let from = usize::from(!several);
+            let shape = [images.len(), image[0], image[1]];
+            let chunks = [1, tile[0], tile[1]];
             let array = Array {
                 kind: "float32",
-                shape: &tiling.image,
-                chunks: &tiling.tile,
+                shape: &shape[from..],
+                chunks: &chunks[from..],
                 fill: json!("NaN"),
-                dimensions: &["y", "x"],
+                dimensions: &["stack", "y", "x"][from..],
                 attributes: json!({ "long_name": measure.long_name, "units": measure.units }),
             };
             array.write(folder, measure.name, &mut all)?;

@@ -31,6 +31,8 @@ pub enum FileKind {
     /// Navigation log of a simulated vehicle: NMEA, NovAtel ASCII or SBET.
     #[serde(rename = "navigation log")]
     NavigationLog,
+    /// Displacement of points over the passes, CSV.
+    Displacement,
     /// Phases over pulses, CSV.
     #[serde(rename = "phase correction")]
     PhaseCorrection,

@@ -38,6 +38,13 @@ pub enum Layout {
     Amplitude,
     /// Real and imaginary part, float32.
     Complex,
+    /// Real part, float32: signed values of a measure.
+    Real {
+        /// Name of the measure.
+        name: &'static str,
+        /// Unit of its values.
+        unit: &'static str,
+    },
 }
 
 /// Size above which a file is BigTIFF, bytes.
@@ -46,7 +53,7 @@ const MAX_SMALL_BYTES: u64 = u32::MAX as u64 - (1 << 20);
 impl Layout {
     pub(crate) fn values(&self) -> Values {
         match self {
-            Self::Complex => Values::Complex,
+            Self::Complex | Self::Real { .. } => Values::Complex,
             _ => Values::Powers,
         }
     }
@@ -73,6 +80,9 @@ impl Layout {
                 json!([{ "data_type": "uint8", "nodata": 0, "unit": "dB", "scale": scale, "offset": offset }])
             }
             Self::Amplitude => json!([{ "data_type": "float32", "nodata": "nan" }]),
+            Self::Real { name, unit } => json!([
+                { "description": name, "data_type": "float32", "nodata": "nan", "unit": unit }
+            ]),
             Self::Complex => ["real part", "imaginary part"]
                 .map(|name| json!({ "description": name, "data_type": "float32", "nodata": "nan" }))
                 .into_iter()
@@ -97,6 +107,9 @@ impl Layout {
                 .concat()
             }
             Self::Amplitude => item("DESCRIPTION", 0, "description", "amplitude"),
+            Self::Real { name, unit } => {
+                item("DESCRIPTION", 0, "description", name) + &item("UNITTYPE", 0, "unittype", unit)
+            }
             Self::Complex => {
                 item("DESCRIPTION", 0, "description", "real part")
                     + &item("DESCRIPTION", 1, "description", "imaginary part")
@@ -113,6 +126,10 @@ impl Layout {
                 let mut bytes: Vec<u8> = values.map(|z| levels.marked(z.re)).collect();
                 bytes_differenced(&mut bytes, TILE);
                 bytes
+            }
+            Self::Real { .. } => {
+                let samples: Vec<f32> = values.map(|z| z.re).collect();
+                floats_differenced(&samples, TILE, 1)
             }
             Self::Amplitude => {
                 let samples: Vec<f32> = values.map(|z| z.re.sqrt()).collect();

@@ -86,6 +86,7 @@ pub fn heat(heat: &HeatMap) -> Result<Vec<u8>, PlotError> {
         typical: levels,
         key: Vec::new(),
         marks: Vec::new(),
+        dots: None,
         cells: Box::new(move |height, width| {
             let line = |row: usize| &heat.values[row * size.1..];
             let cells = resample(size, line, |&x| f64::from(x), height, width);

@@ -3,6 +3,7 @@
 use super::PlotError;
 use super::canvas::{Anchor, Canvas, INK, Rgb, Typeface};
 use super::colours::Colours;
+use super::dots::Dots;
 use super::marks;
 use super::orientation::Arrow;
 use super::scale::Levels;
@@ -85,6 +86,8 @@ pub(super) struct Sheet<'a> {
     pub(super) key: Vec<(String, [u8; 3])>,
     /// Marks as fractions of the plot, rightwards and downwards, and labels.
     pub(super) marks: Vec<([f64; 2], &'a str)>,
+    /// Dots and their places as fractions of the plot, rightwards and downwards.
+    pub(super) dots: Option<(&'a Dots, Vec<[f64; 2]>)>,
     pub(super) cells: Cells<'a>,
 }
 
@@ -273,6 +276,9 @@ fn draw(
             *levels
         }
     };
+    if let Some((dots, places)) = &sheet.dots {
+        dots.draw(canvas, places, (x, y), (width, height));
+    }
     marks::draw(canvas, &sheet.marks, (x, y), (width, height));
     canvas.frame(x, y, width, height);
 
@@ -288,14 +294,18 @@ fn draw(
     axes(canvas, sheet, plan, (x, y));
     let bar_x = x + width + plan.gap;
     let keys = (KEY_STEP * sheet.key.len()).min(height / 2);
-    if let Some(levels) = levels {
+    let bar = match &sheet.dots {
+        Some((dots, _)) => Some((dots.levels(), dots.colours)),
+        None => levels.map(|levels| (levels, sheet.colours)),
+    };
+    if let Some(levels) = bar {
         // Unit below the bar.
         let above = if keys > 0 { keys + KEY_STEP } else { 0 };
         let bar = height.saturating_sub(above).max(height / 3);
         colour_bar(canvas, sheet, levels, (bar_x, y), bar);
     }
     key(canvas, sheet, (bar_x, y + height - keys), keys);
-    if capped {
+    if capped && sheet.dots.is_none() {
         // Triangle on top of the bar.
         for row in 0..CAP {
             let inset = BAR * (CAP - row) / (2 * CAP + 2);
@@ -426,14 +436,14 @@ fn axes(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize))
 fn colour_bar(
     canvas: &mut Canvas,
     sheet: &Sheet,
-    levels: Levels,
+    (levels, colours): (Levels, Colours),
     (x, y): (usize, usize),
     height: usize,
 ) {
     let font = Typeface::sans(LABEL_PX, false);
     for row in 0..height {
         let level = 1.0 - (row as f64 + 0.5) / height as f64;
-        canvas.fill(x, y + row, BAR, 1, sheet.colours.at(level));
+        canvas.fill(x, y + row, BAR, 1, colours.at(level));
     }
     canvas.frame(x, y, BAR, height);
     let (low, high) = (levels.bottom, levels.top);

@@ -12,7 +12,7 @@
 //! but never drops it; small images are enlarged without interpolation. NaN and infinite pixels
 //! are red.
 //!
-//! [`ColourSource`] selects colour composites of several images of one grid, sub-apertures or polarisations, and masks over one image.
+//! [`ColourSource`] selects colour composites of several images of one grid, sub-apertures or polarisations, and masks over one image. [`Dots`] are values of single points over an image.
 //!
 //! [`heat`] draws real values over two axes on a linear scale, [`lines`] draws curves, [`stacked`] several charts.
 //!
@@ -23,6 +23,7 @@ mod canvas;
 mod cells;
 mod colours;
 mod composite;
+mod dots;
 mod error;
 mod heat;
 mod layout;
@@ -43,6 +44,7 @@ use subaperture_model::image::ImageSourceError;
 pub use cells::PictureCells;
 pub use colours::Colours;
 pub use composite::{Channel, ColourSource, MAX_HUES, Mask};
+pub use dots::{Dot, Dots};
 pub use heat::{HeatMap, heat};
 pub use lines::{Chart, Curve, Stroke, lines, stacked};
 pub use orientation::Orientation;
@@ -80,6 +82,8 @@ pub struct Panel<'a> {
     pub paint: ColourSource<'a>,
     /// Numbered marks over the image.
     pub marks: Vec<Mark>,
+    /// Coloured dots over the image, whose values the colour bar shows.
+    pub dots: Option<Dots>,
 }
 
 /// Axis labelling: value `offset + scale * coordinate` of the grid.
@@ -167,6 +171,7 @@ impl<'a> Panel<'a> {
             rows_down: false,
             paint: ColourSource::Levels,
             marks: Vec::new(),
+            dots: None,
         }
     }
 
@@ -226,7 +231,7 @@ impl<'a> Panel<'a> {
             },
             across_label: &across.label,
             up_label: &up.label,
-            bar_label: "dB",
+            bar_label: self.dots.as_ref().map_or("dB", |dots| &dots.unit),
             note: self.reference,
             arrows: self.orientation.arrows(&grid),
             proportions: cells::proportions(&grid),
@@ -237,27 +242,39 @@ impl<'a> Panel<'a> {
             absent: colours::RED,
             // Without the image's powers, which only automatic levels need; their labels,
             // whole decibels of three digits, fit the smallest room.
-            typical: self.scale.levels(&[]),
+            typical: match &self.dots {
+                Some(dots) => dots.levels(),
+                None => self.scale.levels(&[]),
+            },
             key: self.paint.key(),
             marks: self
                 .marks
                 .iter()
                 .map(|mark| self.placed(mark, &grid))
                 .collect(),
+            dots: self.dots.as_ref().map(|dots| {
+                let places = dots.dots.iter().map(|dot| self.fractions(dot.at, &grid));
+                (dots, places.collect())
+            }),
             cells: Box::new(move |height, width| self.drawn(height, width)),
         }
     }
 
     /// Position of a mark as fractions of the picture, rightwards and downwards, and its label.
     fn placed<'m>(&self, mark: &'m Mark, grid: &ImageGrid) -> ([f64; 2], &'m str) {
+        (self.fractions(mark.at, grid), &mark.label)
+    }
+
+    /// Coordinates of row and column as fractions of the picture, rightwards and downwards.
+    fn fractions(&self, at: [f64; 2], grid: &ImageGrid) -> [f64; 2] {
         let part = |value: f64, axis: &Axis, reversed: bool| {
             let (first, last) = edges(axis);
             let part = (value - first) / (last - first);
             if reversed { 1.0 - part } else { part }
         };
-        let right = part(mark.at[1], &grid.columns, grid.polar);
-        let down = part(mark.at[0], &grid.rows, !self.rows_down);
-        ([right, down], &mark.label)
+        let right = part(at[1], &grid.columns, grid.polar);
+        let down = part(at[0], &grid.rows, !self.rows_down);
+        [right, down]
     }
 
     /// Values or colours of the cells.
@@ -337,7 +354,8 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
                 )));
             }
         }
-        if let Some(what) = panel.paint.fault() {
+        let dots = panel.dots.as_ref().and_then(Dots::fault);
+        if let Some(what) = panel.paint.fault().or(dots) {
             return Err(unsuited(what));
         }
         let [down, across] = panel.looks;

@@ -1,6 +1,7 @@
 //! Arguments of all commands, with their help. [`crate::config`] resolves those of every command.
 
 mod autofocus;
+mod displacement;
 mod export;
 mod focus;
 mod formers;
@@ -40,6 +41,7 @@ use subaperture_core::link::Level;
 
 use crate::failure::Usage;
 pub(crate) use autofocus::{Autofocus, AutofocusSettings, Method};
+pub(crate) use displacement::Displacement;
 pub(crate) use export::{Export, ImageFormat, Producing};
 pub(crate) use focus::{
     BeamWidth, DeviceChoice, Focus, Forming, Imaging, TargetMotion, Velocity, Windows,
@@ -133,6 +135,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Form interferogram, coherence and change map (CCD) of two coherent images
     Pair(Pair),
+    /// Measure the displacement of persistent points over repeat passes of a ground-based SAR
+    Displacement(Displacement),
     /// Measure an image: point responses, levels, contrast, differences from another image
     Quality(Quality),
     /// Draw a picture of an image, with other levels or colours

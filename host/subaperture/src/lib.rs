@@ -92,7 +92,7 @@
 //! | `module` | embedded module: plan, serial link, maps | `link` | `subaperture-core`, `serial2` |
 //! | `radio` | stepped-frequency radar on a software-defined radio, real or simulated: capture, range profiles | `radio` | |
 //! | `gmti` | moving targets of several channels: clutter cancellation, detection, velocity, position | `gmti` | |
-//! | `interferometry` | coherent pairs of images: interferogram, coherence and its statistics, coherent change detection (CCD) | `interferometry`, which enables `quality` | |
+//! | `interferometry` | coherent pairs of images: interferogram, coherence and its statistics, coherent change detection (CCD); displacement of persistent points over repeat passes | `interferometry`, which enables `quality` | |
 //! | `live_capture` | image of a running capture, updated with each sweep, on a given or estimated track | `radio`, which enables `motion` | |
 //! | `viewer` | local web viewer for large images and running captures | `viewer` | `axum`, `tokio` |
 //! | `gpu` | backprojection on a GPU by Vulkan or Metal | `gpu` | `wgpu` |

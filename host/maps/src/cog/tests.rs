@@ -173,4 +173,19 @@ fn classic_and_big_tiff_have_identical_tiles_in_cog_order() {
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
     assert_eq!(left.len(), 1, "{left:?}");
+    // The real part alone, with its sign: every second value of both parts.
+    let real = Layout::Real {
+        name: "displacement",
+        unit: "mm",
+    };
+    super::write(&path, &ortho, real, "real", &Silent).unwrap();
+    let file = std::fs::read(&path).unwrap();
+    let (_, directories) = read(&file);
+    let seen = seen.unwrap();
+    for (n, both) in seen.iter().enumerate() {
+        let values = tile(&file, &directories[0], n, 1);
+        let bits: Vec<u32> = values.iter().map(|x| x.to_bits()).collect();
+        let expected: Vec<u32> = both.iter().copied().step_by(2).collect();
+        assert!(bits == expected, "tile {n}");
+    }
 }

@@ -19,6 +19,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
             "recording",
             "compare",
             "pair",
+            "displacement",
             "quality",
             "view",
             "crosscheck",
@@ -33,7 +34,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
 ];
 
 /// Examples of each command, one a line.
-const EXAMPLES: [(&str, &str); 39] = [
+const EXAMPLES: [(&str, &str); 40] = [
     (
         "focus",
         "subap focus scene.cphd --out image\n\
@@ -60,6 +61,10 @@ const EXAMPLES: [(&str, &str); 39] = [
     (
         "pair",
         "subap pair later earlier --out change\nsubap pair later earlier --looks 9x5 --pfa 1e-4 --format cog,zarr --out change",
+    ),
+    (
+        "displacement",
+        "subap displacement pass1 pass2 pass3 --out motion\nsubap displacement pass1 pass2 pass3 --stable -50:50,200:260 --format cog,zarr --out motion",
     ),
     ("quality", "subap quality image --at 0,0"),
     ("view", "subap view image"),
@@ -113,7 +118,20 @@ const EXAMPLES: [(&str, &str); 39] = [
 ];
 
 /// Options in `-h` of commands whose whole help is longer than a screen, by command. `--help` shows all options.
-const SHORT: [(&str, &[&str]); 15] = [
+const SHORT: [(&str, &[&str]); 16] = [
+    (
+        "displacement",
+        &[
+            "out",
+            "times",
+            "stable",
+            "dispersion",
+            "floor",
+            "screen",
+            "formats",
+            "force",
+        ],
+    ),
     (
         "focus",
         &[

@@ -104,7 +104,7 @@ pub(super) fn output() -> impl TypedValueParser<Value = PathBuf> {
 }
 
 /// A quantity with its unit, as `9.6GHz`, or a plain number of SI units, of angles degrees.
-fn quantity(text: &str, dimension: Dimension) -> Result<f64, String> {
+pub(super) fn quantity(text: &str, dimension: Dimension) -> Result<f64, String> {
     if let Ok(value) = finite(text.trim()) {
         return Ok(value);
     }

@@ -10,6 +10,7 @@ mod compare;
 mod completions;
 mod crosscheck;
 mod demo;
+mod displacement;
 mod export;
 mod focus;
 mod forming;
@@ -26,6 +27,7 @@ mod plan;
 mod profile;
 mod quality;
 mod radio;
+mod rasters;
 mod recording;
 mod reproduce;
 mod run;
@@ -78,6 +80,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Pair(typed) => pair::run(session, &typed),
+        Command::Displacement(typed) => displacement::run(session, &typed),
         Command::Quality(typed) => quality::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Reproduce(typed) => reproduce::run(session, &typed),

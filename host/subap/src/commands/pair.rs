@@ -13,6 +13,7 @@ use subaperture::io::together::FileSet;
 use subaperture::io::written::FileKind;
 
 use crate::args::{Pair, PairFormat};
+use crate::commands::rasters;
 use crate::config::{Session, record_of_run};
 use crate::{interrupt, text};
 use read::Read;
@@ -43,7 +44,7 @@ pub(crate) fn run(session: &Session, typed: &Pair) -> anyhow::Result<()> {
     let progress = session.progress("registering");
     let read = Read::new(session, typed)?;
     if has(PairFormat::Cog) {
-        products::check_place(typed, &read)?;
+        rasters::check_place(&read.reference)?;
     }
     interrupt::check()?;
     let settings = Settings {

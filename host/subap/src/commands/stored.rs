@@ -6,8 +6,9 @@ use std::path::Path;
 
 use anyhow::{anyhow, bail};
 use serde::Deserialize;
-use subaperture::image::ImageSource as _;
-use subaperture::images::{OpenImage, Reading};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::image::{Image, ImageSource};
+use subaperture::images::{OpenImage, Reading, Values};
 use subaperture::quality::aperture::Aperture;
 use subaperture::quality::response::Geometry;
 use subaperture::signal::window::Window;
@@ -78,6 +79,32 @@ pub(super) fn check_same_pixels(image: &OpenImage, other: &OpenImage) -> anyhow:
         );
     }
     Ok(())
+}
+
+/// Fail if an image is detected.
+pub(super) fn check_complex(image: &OpenImage) -> anyhow::Result<()> {
+    match image.values {
+        Values::Complex => Ok(()),
+        values => bail!(
+            "{}: expected a complex image, found {values}: interferometry needs the phase, so give the complex image from which it was made",
+            image.path.display()
+        ),
+    }
+}
+
+/// All pixels of an image.
+pub(super) fn whole(source: &dyn ImageSource) -> anyhow::Result<Image> {
+    let (rows, columns) = source.size();
+    let read = source.window(&[0..rows, 0..columns]);
+    read.map_err(|error| anyhow!(error))
+}
+
+/// Grid and scene frame of an image, or its rows and columns.
+pub(super) fn grid(image: &OpenImage) -> (ImageGrid, SceneFrame) {
+    match image.grid() {
+        Some((grid, frame)) => (grid.clone(), frame.unwrap_or(SceneFrame::Local)),
+        None => (image.pixel_grid(), SceneFrame::Local),
+    }
 }
 
 /// Whether a readable file begins with these bytes.

@@ -7,13 +7,12 @@ use subaperture::image::ImageSource;
 use subaperture::images::{OpenImage, Pixels, Values};
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::TEXT_MARK;
-use subaperture::io::stack::{Stack, StackError};
+use subaperture::io::stack::Stack;
 
 use super::one::{One, Written, whole};
-use crate::commands::stored;
+use crate::commands::{rasters, stored};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::interrupt;
 
 /// Refuse options that apply to maps and SICD.
 pub(super) fn check(one: &One) -> Result<(), Usage> {
@@ -62,11 +61,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
         .iter()
         .map(|image| &image.pixels as &dyn ImageSource)
         .collect();
-    let (grid, frame) = match first.grid() {
-        Some((grid, frame)) => (grid.clone(), frame.unwrap_or(SceneFrame::Local)),
-        // Row and column indices.
-        None => (first.pixel_grid(), SceneFrame::Local),
-    };
+    let (grid, frame) = stored::grid(first);
     let starts = opened
         .iter()
         .map(|image| image.record.as_ref()?["antennas"]["start_ns"].as_i64());
@@ -78,15 +73,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
         measures: &[],
         attributes: &attributes(&opened.iter().collect::<Vec<_>>(), &grid, &frame),
     };
-    let writing = session.progress("writing");
-    match stack.write(one.out, &writing) {
-        Err(StackError::Cancelled) => {
-            interrupt::check()?;
-            bail!("interrupted");
-        }
-        wrote => wrote?,
-    }
-    writing.finish();
+    rasters::write_stack(session, &stack, one.out)?;
     let path = one.out.display().to_string();
     let count = opened.len();
     Ok(Written {

@@ -1,22 +1,18 @@
 //! Results of `subap pair` as GeoTIFF and Zarr.
 
-use anyhow::bail;
 use serde_json::json;
-use subaperture::geometry::SceneFrame;
-use subaperture::image::Image;
 use subaperture::interferometry::ChangeMap;
-use subaperture::io::stack::{Measure, Stack, StackError};
+use subaperture::io::stack::{Measure, Stack};
 use subaperture::io::together::FileSet;
-use subaperture::io::written::{FileKind, WrittenFile};
-use subaperture::maps::{Ortho, Projection, Raster, cog};
-use subaperture::num_complex::Complex32;
+use subaperture::io::written::WrittenFile;
+use subaperture::maps::cog;
 use subaperture::quality::PixelMap;
 
 use super::read::Read;
 use crate::args::Pair;
 use crate::commands::export::stack_attributes;
+use crate::commands::rasters::{self, Map};
 use crate::config::Session;
-use crate::interrupt;
 
 /// Name of the Zarr group.
 pub(super) const STACK: &str = "pair.zarr";
@@ -34,20 +30,6 @@ pub(super) const MAPS: [(&str, &str); 3] = [
     ),
 ];
 
-/// Fail if the images have no position on the Earth.
-pub(super) fn check_place(typed: &Pair, read: &Read) -> anyhow::Result<()> {
-    let name = typed.reference.display();
-    match (read.reference.grid(), read.grid().1) {
-        (None, _) => bail!(
-            "--format cog: {name} has no metadata that state its position: give products of subap focus, or --format zarr"
-        ),
-        (_, SceneFrame::Local) => bail!(
-            "--format cog: {name} does not state its position on the Earth: give the scene's origin with --place LAT,LON[,HEIGHT]"
-        ),
-        _ => Ok(()),
-    }
-}
-
 /// Add the maps to a set of files.
 pub(super) fn add_maps(
     session: &Session,
@@ -57,16 +39,7 @@ pub(super) fn add_maps(
     files: &mut FileSet,
 ) -> anyhow::Result<()> {
     let (grid, frame) = read.grid();
-    let raster = Raster::covering(&grid, &frame, Projection::utm, None)?;
-    let real = |map: &PixelMap| Image {
-        rows: map.rows,
-        columns: map.columns,
-        pixels: map
-            .values
-            .iter()
-            .map(|&v| Complex32::new(v, v * 0.0))
-            .collect(),
-    };
+    let real = |map: &PixelMap| rasters::real(map.rows, map.columns, &map.values);
     let coherence = real(&changes.interferogram.magnitude());
     let change = real(&changes.map);
     let images = [
@@ -74,21 +47,15 @@ pub(super) fn add_maps(
         (&changes.interferogram.coherence, cog::Layout::Complex),
         (&change, cog::Layout::Amplitude),
     ];
-    let progress = session.progress("writing maps");
-    for ((name, title), (image, layout)) in MAPS.iter().zip(images) {
-        let ortho = Ortho::nearest(image, &grid, &frame, raster)?;
-        cog::add_to(
-            files,
-            &typed.out.join(name),
-            &ortho,
-            layout,
-            title,
-            &progress,
-        )?;
-        interrupt::check()?;
-    }
-    progress.finish();
-    Ok(())
+    let maps = MAPS.iter().zip(images);
+    let maps = maps.map(|(&(name, title), (image, layout))| Map {
+        name,
+        title,
+        image,
+        layout,
+    });
+    let maps: Vec<Map> = maps.collect();
+    rasters::add_maps(session, &typed.out, (&grid, &frame), &maps, files)
 }
 
 /// Write the Zarr group of both images and the measures.
@@ -136,15 +103,5 @@ pub(super) fn write_stack(
         ],
         attributes: &attributes,
     };
-    let path = typed.out.join(STACK);
-    let progress = session.progress("writing");
-    match stack.write(&path, &progress) {
-        Err(StackError::Cancelled) => {
-            interrupt::check()?;
-            bail!("interrupted");
-        }
-        wrote => wrote?,
-    }
-    progress.finish();
-    Ok(WrittenFile::new(path, FileKind::Zarr))
+    rasters::write_stack(session, &stack, &typed.out.join(STACK))
 }

@@ -2,8 +2,8 @@
 
 use anyhow::bail;
 use subaperture::geometry::{ImageGrid, SceneFrame};
-use subaperture::image::{Image, ImageSource};
-use subaperture::images::{OpenImage, Pair as ImagePair, Values};
+use subaperture::image::{Image, ImageSource as _};
+use subaperture::images::{OpenImage, Pair as ImagePair};
 use subaperture::interferometry::InterferometryError;
 use subaperture::interferometry::registration::{Registered, register_by, shifted};
 use subaperture::quality::registration::Offset;
@@ -42,8 +42,8 @@ impl Read {
         };
         let later = place(stored::open(session, &typed.image)?);
         let reference = place(stored::open(session, &typed.reference)?);
-        check_complex(&later)?;
-        check_complex(&reference)?;
+        stored::check_complex(&later)?;
+        stored::check_complex(&reference)?;
         let size = reference.pixels.size();
         let bytes = u128::from(PIXEL_BYTES) * size.0 as u128 * size.1 as u128;
         if bytes > u128::from(session.memory_bytes) {
@@ -72,8 +72,8 @@ impl Read {
                 notes.join("; ")
             );
         }
-        let pixels = whole(&*pair.reference)?;
-        let original = whole(&*pair.image)?;
+        let pixels = stored::whole(&*pair.reference)?;
+        let original = stored::whole(&*pair.image)?;
         drop(pair);
         let mut both = original.pixels.iter().zip(&pixels.pixels);
         if !both.any(|(a, b)| a.is_finite() && b.is_finite()) {
@@ -128,10 +128,7 @@ impl Read {
 
     /// Grid and scene frame of the reference, or its rows and columns.
     pub(super) fn grid(&self) -> (ImageGrid, SceneFrame) {
-        match self.reference.grid() {
-            Some((grid, frame)) => (grid.clone(), frame.unwrap_or(SceneFrame::Local)),
-            None => (self.reference.pixel_grid(), SceneFrame::Local),
-        }
+        stored::grid(&self.reference)
     }
 }
 
@@ -148,15 +145,9 @@ fn resampled(
     let looks = [later.looks(), moved.looks()];
     let pair = ImagePair::new(later, &moved, [looks[0].as_ref(), looks[1].as_ref()]).ok()?;
     match pair.complex {
-        true => whole(&*pair.image).ok(),
+        true => stored::whole(&*pair.image).ok(),
         false => None,
     }
-}
-
-fn whole(source: &dyn ImageSource) -> anyhow::Result<Image> {
-    let (rows, columns) = source.size();
-    let read = source.window(&[0..rows, 0..columns]);
-    read.map_err(|error| anyhow::anyhow!(error))
 }
 
 fn with_advice(error: anyhow::Error) -> anyhow::Error {
@@ -165,16 +156,5 @@ fn with_advice(error: anyhow::Error) -> anyhow::Error {
             anyhow::anyhow!("{error}; --registered takes them as registered")
         }
         _ => error,
-    }
-}
-
-/// Fail if an image is detected.
-fn check_complex(image: &OpenImage) -> anyhow::Result<()> {
-    match image.values {
-        Values::Complex => Ok(()),
-        values => bail!(
-            "{}: expected a complex image, found {values}: interferometry needs the phase, so give the complex image from which it was made",
-            image.path.display()
-        ),
     }
 }
