@@ -285,7 +285,10 @@ fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Mod
     Model {
         // Jointly estimated increments are noisy individually but accurate in sum.
         outlier_sigmas: None,
-        scale: scale(found).map_or(model.scale, |own| own.min(model.scale)),
+        // Covariances of a track that does not fit its own echoes do not describe its errors.
+        scale: scale(found)
+            .filter(|_| fits(found))
+            .map_or(model.scale, |own| own.min(model.scale)),
         receiver_arm_m: arm_m,
         inertial_arm_m: arm_m,
         inertial_velocity: [
