@@ -222,5 +222,14 @@ fn fusion_page_states_errors_of_its_tracks() {
             }
         }
     }
-    assert!(faults.is_empty(), "{faults:#?}");
+    assert!(faults.is_empty(), "{faults:#?}"); // An inertial solution without a receiver's log: eight or nine positions of 8 mm outside of the outage give 4 mm, and a heading.
+    let line = format!("track fusion.cphd --navigation ins.log {ARM} -o ins-only.csv");
+    run(at, &line).succeeded();
+    let (points, predicted) = file("ins-only.csv");
+    let predicted = predicted.unwrap();
+    assert!((3.0..12.0).contains(&predicted), "{predicted}");
+    for inside in [false, true] {
+        let error = rms_mm(&points, &truth, inside);
+        assert!(error < 3.0 * predicted, "{error} {predicted}");
+    }
 }
