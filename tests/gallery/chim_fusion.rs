@@ -21,8 +21,6 @@ const OUTAGE_S: [f64; 2] = [3.0, 7.5];
 const GNSS_M: f64 = 15e-3;
 const INS_M: f64 = 8e-3;
 const DRIFT_M_S2: f64 = 8e-3;
-/// Collections of the item.
-const SEEDS: f64 = 8.0;
 /// Middle of transmitter and receivers in the body, metres.
 const MIDDLE_M: f64 = 0.5 * 0.5 * (0.2 + 0.307);
 /// RMS error of a pose by the echoes, metres: phases have a noise of -15 dB against unit echoes, less the gain of 151 frequencies and 2 dB for the

@@ -161,22 +161,18 @@ const CORRECTED: f64 = 0.5;
 
 /// Standard deviations of position and velocity of the inertial solution before its corrections, by the first state after each.
 fn corrections(inputs: &Inputs<'_>, timeline: &Timeline) -> BTreeMap<usize, [f64; 2]> {
-    let states = inputs.inertial.iter().zip(&timeline.inertial);
-    let pairs = states.clone().zip(states.skip(1));
-    let correction = |((before, from), (after, to)): (
-        (&Inertial, &(usize, f64)),
-        (&Inertial, &(usize, f64)),
-    )| {
+    let states = inputs.inertial.windows(2).zip(timeline.inertial.windows(2));
+    let correction = |(pair, places): (&[Inertial], &[(usize, f64)])| {
         let [before_m, after_m] =
-            [before, after].map(|one| one.position_m.map(|[_, sigma]| sigma.max_element()));
+            [0, 1].map(|n| pair[n].position_m.map(|[_, sigma]| sigma.max_element()));
         let (before_m, after_m) = before_m.zip(after_m)?;
-        let velocity_m_s = before
+        let velocity_m_s = pair[0]
             .velocity_m_s
             .map_or(0.0, |[_, sigma]| sigma.max_element());
-        (after_m < CORRECTED * before_m && to.0 > from.0)
-            .then_some((to.0, [before_m, velocity_m_s]))
+        let (from, to) = (places[0].0, places[1].0);
+        (after_m < CORRECTED * before_m && to > from).then_some((to, [before_m, velocity_m_s]))
     };
-    pairs.filter_map(correction).collect()
+    states.filter_map(correction).collect()
 }
 
 /// States, and measurements between them.
