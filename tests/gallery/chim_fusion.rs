@@ -204,7 +204,7 @@ fn fusion() -> Vec<Figure> {
         let all = most * most * 400.0 * whole(squares);
         [at_most(mm(all / 219.0)), at_most(mm(all / 181.0))]
     };
-    // 96 fixes' numbers in 8 collections outside of the outage, of which half are independent of the spline's bends: 3 / sqrt(2 * 384). In the outage the
+    // 96 fixes' numbers in 8 collections outside of the outage. Half of them are independent of the spline's bends: 3 / sqrt(2 * 384). In the outage the
     // slopes at both ends count, four numbers in each collection: 3 / sqrt(2 * 32).
     let of_gnss = [
         About(mm(gnss_out_m2), 0.11 * mm(gnss_out_m2)),
@@ -308,7 +308,7 @@ fn fusion() -> Vec<Figure> {
             "MPGA: RMS error outside of the outage and in it",
             "good enough to focus, no absolute position",
             ERRORS,
-            // The recorded positions drift by 8 cm in both axes; the mean over 10 s of a drift of 1 s is what remains.
+            // The recorded positions drift by 8 cm in both axes; the mean over 10 s of a drift of 1 s remains.
             [
                 Within(3.0 * mm(ECHOES_M * ECHOES_M), 3.0 * 80.0 * 2f64.sqrt()),
                 Within(3.0 * mm(ECHOES_M * ECHOES_M), 3.0 * 80.0 * 2f64.sqrt()),

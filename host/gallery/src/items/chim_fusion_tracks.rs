@@ -50,7 +50,7 @@ pub(super) struct Estimate {
     pub(super) fixes: Vec<Fix>,
     /// Error in x and y at each pulse, metres.
     pub(super) errors_m: Vec<DVec2>,
-    /// Stated covariance of x and y at each pulse, square metres; `None` where none is stated.
+    /// Stated covariance of x and y at each pulse, square metres; `None` without a statement.
     pub(super) covariances_m2: Vec<Option<DMat2>>,
 }
 

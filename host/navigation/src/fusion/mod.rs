@@ -156,7 +156,7 @@ pub fn fuse(
     Err(FusionError::NoPosition)
 }
 
-/// Ratio by which stated deviations of an inertial solution fall at a correction.
+/// Largest ratio of stated deviations after a correction of an inertial solution to those before it.
 const CORRECTED: f64 = 0.5;
 
 /// Standard deviations of position and velocity of the inertial solution before its corrections, by the first state after each.

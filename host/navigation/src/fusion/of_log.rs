@@ -168,7 +168,7 @@ pub fn inertial(
 const GROWTH_S: f64 = 1.0;
 
 /// Random walk of the velocity error of an inertial solution, m/s a root second, from the growth of its stated standard deviations: the largest
-/// growth of their mean square over time, in a second or more without a decrease. `None` without growth, or where none are stated.
+/// growth of their mean square over time, in a second or more without a decrease. `None` without growth or without stated deviations.
 ///
 /// Stated deviations grow where the receiver has no positions.
 pub fn velocity_walk(log: &Log, kind: Kind) -> Option<f64> {

@@ -84,7 +84,7 @@ pub(crate) enum TrackSource {
     Echoes,
     /// Estimated from echoes and navigation.
     Fused,
-    /// Navigation logs alone.
+    /// Positions of the navigation logs, without the echoes.
     Navigation,
     /// Read from a file.
     File(PathBuf),

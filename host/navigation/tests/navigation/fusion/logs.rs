@@ -261,7 +261,7 @@ fn velocity_walk_is_growth_of_stated_deviations() {
     );
     let steady = inertial_log(10.0, |_| walking(0.0));
     assert_eq!(velocity_walk(&steady, Kind::Inspvax), None);
-    // Rounding and a growth for less than a second are none.
+    // Rounding and a growth for less than a second do not count.
     let short = inertial_log(10.0, |t| {
         walking(if (3.0..3.5).contains(&t) { t } else { 0.0 })
     });
