@@ -99,12 +99,42 @@ fn captured_chirps_are_profiled_and_converted() {
     assert_eq!(number(&info["num_samples"]), 2561.0);
 }
 
+/// The display changes no sample. Without a terminal it prints lines, and the page has an address.
+#[test]
+fn live_view_of_chirps_changes_no_sample() {
+    let folder = examples();
+    let at = folder.path();
+    let captured = |name: &str, more: &str| {
+        let ran = run(at, &format!("capture chirp.toml -o {name} {more}"));
+        ran.succeeded();
+        let data = fs::read(at.join(format!("{name}.sigmf-data"))).unwrap();
+        (data, ran.stderr)
+    };
+    let (plain, printed) = captured("plain", "");
+    assert!(!printed.contains("the page is at"), "{printed}");
+    let (watched, printed) = captured("watched", "--live --page");
+    assert!(plain == watched && !plain.is_empty());
+    assert!(
+        printed.contains("the page is at http://127.0.0.1:"),
+        "{printed}"
+    );
+    // A calibration of another set-up is reported before the first burst.
+    fs::write(at.join("other.json"), "{}").unwrap();
+    let line = "capture chirp.toml -o none --live --set files.calibration=other.json";
+    run(at, line).failed(1, &["other.json"]);
+    assert!(!at.join("none.sigmf-meta").exists());
+}
+
 #[test]
 fn options_of_stepped_captures_are_refused_for_chirps() {
     let folder = examples();
     let at = folder.path();
     let before = listing(at);
-    run(at, "capture chirp.toml -o x --live").failed(2, &["--live does not apply to chirps"]);
+    run(
+        at,
+        "capture chirp.toml -o x --module emulate:float --profiles p",
+    )
+    .failed(2, &["--module does not apply to chirps"]);
     run(at, "capture chirp.toml").failed(2, &["--out NAME"]);
     run(at, "capture chirp.toml -o x --set chirp.pulses=1").failed(1, &["chirp.pulses", "2"]);
     run(at, "capture chirp.toml -o x --set plan.steps=5").failed(1, &["plan.steps"]);

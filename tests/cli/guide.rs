@@ -13,6 +13,7 @@
 //! Pictures are kept in `target/guide/pictures`, from where `cargo xtask guide` copies them.
 
 mod bring_up;
+mod fusion;
 mod links;
 
 use std::fs;
@@ -217,7 +218,7 @@ fn every_block_is_in_a_known_language() {
 }
 
 /// Pages with their own test below.
-const OWN_TESTS: [&str; 5] = [PHASE_HISTORY, OWN_RADAR, USRP, B210, NUCLEO];
+const OWN_TESTS: [&str; 6] = [PHASE_HISTORY, OWN_RADAR, USRP, B210, NUCLEO, fusion::FUSION];
 const PHASE_HISTORY: &str = "host/guide/src/tutorials/phase-history.md";
 const OWN_RADAR: &str = "host/guide/src/tutorials/own-radar.md";
 const USRP: &str = "host/guide/src/tutorials/usrp.md";

@@ -300,3 +300,60 @@ fn logs_are_reproducible_and_replace_only_simulated_logs() {
     assert!(dry.succeeded().contains("a.nmea"), "{dry:?}");
     assert!(!at.join("dry.cphd").exists());
 }
+
+/// Twenty outages of 0.105 s, in which the inertial sensors have an acceleration error of 1 m/s^2 each: errors of velocity are this error times the time
+/// since the start, errors of position half of it times the square.
+#[test]
+fn inertial_log_drifts_through_outages_by_constant_accelerations() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let starts_s: Vec<f64> = (0..20).map(|n| 0.15 * f64::from(n)).collect();
+    let outages = starts_s
+        .iter()
+        .map(|s| format!("\"{:.3} s, {:.3} s\"", s, s + 0.105));
+    let outages: Vec<String> = outages.collect();
+    let more = format!(
+        "rate = \"100 Hz\"\ndrift = \"1 m/s^2\"\noutages = [{}]",
+        outages.join(", ")
+    );
+    fs::write(
+        at.join("drive.toml"),
+        scenario(&log("ins.log", "inspvax", &more)),
+    )
+    .unwrap();
+    run(at, "simulate drive.toml -o drive.cphd").succeeded();
+    let read = read(&at.join("ins.log"));
+    let records: Vec<_> = read.of(Kind::Inspvax).collect();
+    // From -1 s to 4 s without a gap.
+    assert_eq!(records.len(), 501);
+    let fixes = read.fixes(Kind::Inspvax, &frame(), START).unwrap();
+    let mut squares = DVec3::ZERO;
+    for (record, fix) in records.iter().zip(&fixes) {
+        let start_s = starts_s
+            .iter()
+            .find(|s| (**s - 1e-6..=**s + 0.105).contains(&fix.time_s));
+        let age_s = start_s.map_or(0.0, |start_s| fix.time_s - start_s);
+        let velocity = record.velocity_m_s.unwrap() - VELOCITY_M_S;
+        let moved_m = fix.position_m - antenna_m(fix.time_s);
+        // Velocities are rounded to 1e-5 m/s, heights to 0.1 mm; the vertical turns by 1e-6 rad over some metres, of 5 m/s.
+        let off_m = moved_m - 0.5 * age_s * velocity;
+        assert!(off_m.length() < 1.5e-4, "{fix:?}: {off_m}");
+        let stated = record.velocity_sigma_m_s.unwrap();
+        assert!(
+            (stated - age_s).abs().max_element() < 1e-4,
+            "{stated} {age_s}"
+        );
+        let stated_m = record.place_sigma_m.unwrap();
+        assert!((stated_m - 0.5 * age_s * age_s).abs().max_element() < 1e-4);
+        if (age_s - 0.05).abs() < 1e-6 {
+            let acceleration = velocity / age_s;
+            squares += acceleration * acceleration;
+        }
+        if start_s.is_none() {
+            assert!(velocity.length() < 3e-5, "{velocity}");
+        }
+    }
+    // Sixty numbers: their deviation has a relative error of 1 / sqrt(120), five times which are allowed.
+    let found = ((squares.x + squares.y + squares.z) / 60.0).sqrt();
+    assert!((found - 1.0).abs() < 5.0 / 120f64.sqrt(), "{found}");
+}

@@ -306,6 +306,8 @@ fn track_fusion_reports_mismatched_inputs() {
         "focus walk.cphd --navigation far.csv --track mpga --out image",
     )
     .failed(2, &["--track fused"]);
+    run(at, "focus walk.cphd --track navigation --out image")
+        .failed(2, &["needs --navigation LOG"]);
     // Motion out of the plane invalidates the track of the echoes: then neither source is used, and a track off by more than twice its
     // noise is refused.
     for (out_cm, error) in [

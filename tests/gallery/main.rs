@@ -1,9 +1,10 @@
 //! Tests of the gallery: values of every item against tables in the tests, and the command `subap reproduce`.
 //!
 //! An item's own verdict is not used. Its printed values are compared
-//! with the tables in `schone_points.rs`, `schone_scenes.rs`, `schone_gmti.rs`, `chim.rs`, `chim_radio.rs`, `chim_truck.rs` and `chim_motion.rs`: the thesis's number, or one from a formula in the test.
+//! with the tables in `schone_points.rs`, `schone_scenes.rs`, `schone_gmti.rs`, `chim.rs`, `chim_radio.rs`, `chim_truck.rs`, `chim_motion.rs` and `chim_fusion.rs`: the thesis's number, or one from a formula in the test.
 
 mod chim;
+mod chim_fusion;
 mod chim_motion;
 mod chim_radio;
 mod chim_truck;
@@ -38,6 +39,7 @@ fn assert_item(id: &str) {
         schone_gmti::figures,
         chim::figures,
         chim_motion::figures,
+        chim_fusion::figures,
         chim_radio::figures,
         chim_truck::figures,
     ];
@@ -75,7 +77,7 @@ gallery! {
     s_table_2_1 s_2_2 s_2_3 s_table_4_1 s_4_1 s_4_2 s_4_3 s_4_4 s_4_5 s_4_6 s_4_10 s_4_11 s_4_12 s_4_13 s_4_14 s_table_5_1 s_5_2
     s_6_1 s_6_2 s_6_2_keystone
     c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_4 c_4_5 c_5_8 c_5_13 c_5_13_radio c_5_13_module c_6_6
-    c_7_5 c_7_8 c_7_12 c_7_13
+    c_7_5 c_7_8 c_7_12 c_7_13 c_8_2
 }
 
 #[test]

@@ -7,6 +7,7 @@ use num_complex::Complex64;
 use subaperture_describe::Description;
 use subaperture_radio::chirp::{Plan, capture};
 use subaperture_radio::experiment::ChirpExperiment;
+use subaperture_radio::live::{BurstView, LiveBurst, View};
 use subaperture_radio::profile::{ChirpResponse, Options, Ranging, Sweep};
 use subaperture_radio::sigmf::{Recording, Setup, Step};
 use subaperture_radio::simulated::{Analogue, SimulatedRadio, Wiring};
@@ -189,7 +190,11 @@ fn thesis_chirp_radar_measures_ranges_within_the_stated_deviations() {
     let mut radio = SimulatedRadio::new(&experiment, wiring, Analogue::b210()).unwrap();
     let path = folder.path().join("chirps");
     let mut emitted = Vec::new();
-    let mut emit = |_: u64, sweep: Sweep| emitted.push(sweep);
+    let mut live = Vec::new();
+    let mut emit = |burst: LiveBurst| {
+        emitted.push(burst.response.clone());
+        live.push(burst);
+    };
     let stop = AtomicBool::new(false);
     let summary = capture(&mut radio, &plan, Some(&path), &mut emit, &stop).unwrap();
     assert_eq!((summary.bursts, summary.pulses), (2, [6, 0]));
@@ -202,10 +207,56 @@ fn thesis_chirp_radar_measures_ranges_within_the_stated_deviations() {
         let read = ranging.read(&mut recording, sweep as u64).unwrap();
         assert!(read[0].values == emitted.values);
     }
+    assert_view(recording.setup(), &live, &emitted);
     // The synthesisers' phases differ from burst to burst and cancel.
     let pairs = emitted[0].values.iter().zip(&emitted[1].values);
     let common: Complex64 = pairs.map(|(a, b)| a.unwrap() * b.unwrap().conj()).sum();
     assert!(common.arg().abs() < 0.05, "{common}");
+}
+
+/// The view shows each burst as a sweep: its profile is that of the response, and a row of the board has its maxima.
+fn assert_view(setup: &Setup, bursts: &[LiveBurst], responses: &[Sweep]) {
+    let view = View {
+        columns: 100,
+        ..View::default()
+    };
+    let window = view.window;
+    let (mut shown, board) = BurstView::new(setup, 2, view).unwrap();
+    for (burst, response) in bursts.iter().zip(responses) {
+        let sweep = shown.take(&board, burst.clone());
+        assert_eq!(sweep.receivers.len(), 1);
+        assert!(sweep.receivers[0].values == response.values);
+        let profile = response.profile(window, 4, 300.0).unwrap();
+        assert!(sweep.profile.unwrap().values == profile.values);
+        let row = board.latest_row().unwrap();
+        assert_eq!((row.sweep, row.levels_db.len()), (burst.index, 100));
+        let range_m = |i: usize| i as f64 * profile.spacing_m;
+        let within = (0..profile.values.len()).filter(|&i| range_m(i) <= 300.0);
+        let largest = within
+            .map(|i| profile.values[i].norm_sqr())
+            .fold(0.0, f64::max);
+        let shown_db = row
+            .levels_db
+            .iter()
+            .copied()
+            .fold(f32::NEG_INFINITY, f32::max);
+        // Rounding to float32.
+        assert!((f64::from(shown_db) - 10.0 * largest.log10()).abs() < 1e-4);
+    }
+    let (status, _) = board.status();
+    assert_eq!((status.sweep, status.sweeps), (Some(1), 2));
+    assert_eq!(
+        (status.steps, status.usable),
+        (setup.band().count, setup.band().count)
+    );
+    assert_eq!((status.counts.steps, status.counts.flagged), (2, [0; 5]));
+    // The reference has 0.7 of full scale in a quarter of the time.
+    assert!(
+        status.levels[0].rms > 0.0 && status.levels[0].peak <= 1.0,
+        "{:?}",
+        status.levels
+    );
+    assert_eq!(status.ranges_m[0], 0.0);
 }
 
 /// Ranges by the ratio of the spectra, all estimated together: within five of their stated standard deviations, which are below

@@ -16,6 +16,8 @@ use subaperture_navigation::{Attitude, GpsTime};
 
 /// Random stream of the first log; each log uses one stream from here on.
 const LOG: u64 = u64::from_be_bytes(*b"navlog\0\0");
+/// The same for acceleration errors in outages.
+const DRIFT: u64 = u64::from_be_bytes(*b"navdrift");
 
 /// Half of the interval of the difference for velocities, seconds.
 const HALF_STEP_S: f64 = 0.5e-3;
@@ -36,6 +38,13 @@ impl Experiment {
         }
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(LOG.wrapping_add(index as u64));
+        let mut drifts = ChaCha8Rng::seed_from_u64(self.seed);
+        drifts.set_stream(DRIFT.wrapping_add(index as u64));
+        let drifts: Vec<DVec3> = log
+            .outages_s
+            .iter()
+            .map(|_| DVec3::from([(); 3].map(|()| normal(&mut drifts))))
+            .collect();
         let arm_m = middle_m(&self.radar) + log.lever_arm_m;
         let states = log.times_s(&self.radar).filter_map(|nominal_s| {
             let time = log.start.later(nominal_s);
@@ -43,13 +52,19 @@ impl Experiment {
             // Errors are drawn in outages too, so that those of other records do not depend on them.
             let errors: [f64; 9] = std::array::from_fn(|_| normal(&mut random));
             let lost = |&(from_s, to_s): &(f64, f64)| (from_s..=to_s).contains(&time_s);
-            match log.outages_s.iter().any(lost) {
-                true => None,
-                false => self.state(log, time, arm_m, &errors),
-            }
+            let outage = log.outages_s.iter().position(lost);
+            let drift = match (outage, log.drift_m_s2) {
+                (None, _) => Drift::default(),
+                (Some(_), None) => return None,
+                (Some(n), Some(sigma_m_s2)) => Drift {
+                    sigma_m_s2,
+                    units: drifts[n],
+                    age_s: time_s - log.outages_s[n].0,
+                },
+            };
+            self.state(log, time, arm_m, &errors, &drift)
         });
-        log.format
-            .write(out, remark, &log.deviations, log.undulation_m, states)
+        log.format.write(out, remark, log.undulation_m, states)
     }
 
     /// State of the navigation antenna at a time, with errors in units of the standard deviations.
@@ -59,6 +74,7 @@ impl Experiment {
         time: GpsTime,
         arm_m: DVec3,
         errors: &[f64; 9],
+        drift: &Drift,
     ) -> Option<VehicleState> {
         let time_s = time.since(log.start);
         let antenna_m = |time_s: f64| self.track.pose(time_s).point_m(arm_m);
@@ -81,19 +97,54 @@ impl Experiment {
         } = log.deviations;
         let [e, n, u, v @ .., roll, pitch, azimuth] = *errors;
         let [east, north, up] = axes;
-        let error_m = (east * e + north * n) * horizontal_m + up * (u * vertical_m);
+        let along = |v: DVec3| east * v.x + north * v.y + up * v.z;
+        let error_m = along(DVec3::new(
+            e * horizontal_m,
+            n * horizontal_m,
+            u * vertical_m,
+        )) + along(drift.units) * drift.position_m();
         let pitch_deg = attitude.pitch_deg? + attitude_deg * pitch;
         Some(VehicleState {
             time,
             place: Geodetic::from_ecf_m(place_ecf_m + error_m),
             velocity_m_s: east_north_up(moved_m / (2.0 * HALF_STEP_S))
-                + DVec3::from(v) * velocity_m_s,
+                + DVec3::from(v) * velocity_m_s
+                + drift.units * drift.velocity_m_s(),
             attitude_deg: [
                 turned_deg(attitude.roll_deg? + attitude_deg * roll),
                 pitch_deg.clamp(-90.0, 90.0),
                 (attitude.azimuth_deg + attitude_deg * azimuth).rem_euclid(360.0),
             ],
+            deviations: Deviations {
+                horizontal_m: libm::hypot(horizontal_m, drift.position_m()),
+                vertical_m: libm::hypot(vertical_m, drift.position_m()),
+                velocity_m_s: libm::hypot(velocity_m_s, drift.velocity_m_s()),
+                attitude_deg,
+            },
         })
+    }
+}
+
+/// Drift of the inertial solution since the start of an outage.
+#[derive(Default)]
+struct Drift {
+    /// Standard deviation of the acceleration error, m/s^2.
+    sigma_m_s2: f64,
+    /// Acceleration error along east, north and up in standard deviations.
+    units: DVec3,
+    /// Time since the start of the outage, seconds.
+    age_s: f64,
+}
+
+impl Drift {
+    /// Standard deviation of its position error, metres.
+    fn position_m(&self) -> f64 {
+        0.5 * self.sigma_m_s2 * self.age_s * self.age_s
+    }
+
+    /// Standard deviation of its velocity error, m/s.
+    fn velocity_m_s(&self) -> f64 {
+        self.sigma_m_s2 * self.age_s
     }
 }
 

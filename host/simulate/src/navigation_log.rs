@@ -4,6 +4,16 @@
 //! outages. A record is the true position, velocity and attitude at its time, which is rounded to milliseconds, plus independent Gaussian
 //! errors of the stated standard deviations. The position is that of the navigation antenna, at the lever arm from the middle of
 //! transmitters and receivers. The velocity is its central difference over 1 ms.
+//!
+//! **Inertial sensors in outages.** With [`NavigationLog::drift_m_s2`] `b` the log continues through outages. At the time `t` after the start of
+//! an outage the error also has the part of a constant acceleration error `a`, Gaussian of standard deviation `b` along each axis and independent
+//! in each outage:
+//!
+//! ```text
+//! position  a t^2 / 2      velocity  a t
+//! ```
+//!
+//! The stated deviations are those of the sum: `sqrt(sigma^2 + (b t^2 / 2)^2)` of positions and `sqrt(sigma^2 + (b t)^2)` of velocities.
 
 use glam::DVec3;
 
@@ -33,6 +43,8 @@ pub struct NavigationLog {
     pub undulation_m: f64,
     /// Starts and ends of outages, seconds from time 0 of the collection.
     pub outages_s: Vec<(f64, f64)>,
+    /// Standard deviation of each component of the acceleration error in outages, m/s^2; `None` for a log without records there.
+    pub drift_m_s2: Option<f64>,
 }
 
 impl NavigationLog {

@@ -24,6 +24,22 @@ pub(crate) const INTERRUPTED: u8 = 130;
 #[error("{0}")]
 pub(crate) struct Usage(pub(crate) String);
 
+impl Usage {
+    /// Refuse the first given option that does not apply to a `device`; `instead` is the advice.
+    pub(crate) fn refuse(
+        options: &[(&str, bool)],
+        device: &str,
+        instead: &str,
+    ) -> Result<(), Self> {
+        match options.iter().find(|(_, given)| *given) {
+            None => Ok(()),
+            Some((option, _)) => Err(Self(format!(
+                "{option} does not apply to {device}: leave it out; {instead}"
+            ))),
+        }
+    }
+}
+
 /// Work stopped by the user.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted")]

@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use num_complex::Complex64;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_plot::{Chart, Curve, Stroke, lines};
+use subaperture_radio::live::LiveBurst;
 use subaperture_radio::plan;
 use subaperture_radio::profile::{Calibration, Profile, Sweep};
 use subaperture_radio::simulated::{Analogue, Coupled, SimulatedRadio, Wiring};
@@ -267,7 +268,7 @@ fn chirped(experiment: &Experiment) -> Result<Sweep, ItemError> {
     let radio = SimulatedRadio::new(experiment, wiring, Analogue::b210());
     let mut radio = radio.map_err(|error| failed(&error))?;
     let mut response = None;
-    let mut keep = |_: u64, sweep: Sweep| response = Some(sweep);
+    let mut keep = |burst: LiveBurst| response = Some(burst.response);
     let stop = AtomicBool::new(false);
     chirp::capture(&mut radio, &chirp_plan(), None, &mut keep, &stop)
         .map_err(|error| failed(&error))?;

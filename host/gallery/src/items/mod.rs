@@ -3,6 +3,8 @@
 mod chim_ambiguity;
 mod chim_arrival;
 mod chim_autofocus;
+mod chim_fusion;
+mod chim_fusion_tracks;
 mod chim_increments;
 mod chim_module;
 mod chim_mpga;
@@ -62,6 +64,7 @@ pub fn items() -> Vec<Item> {
         &chim_arrival::ITEMS,
         &chim_mpga::ITEMS,
         &chim_increments::ITEMS,
+        &chim_fusion::ITEMS,
     ]
     .concat()
 }

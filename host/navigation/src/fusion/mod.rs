@@ -29,13 +29,15 @@ mod solve;
 mod terms;
 mod timeline;
 
+use std::collections::BTreeMap;
+
 use glam::DMat3;
 
 use subaperture_model::monitor::Monitor;
 use subaperture_model::track::{Fix, turned};
 
 pub use input::{Assumed, Increment, Inertial, Inputs, Model, Position};
-pub use of_log::{DefaultSigmas, inertial, positions};
+pub use of_log::{DefaultSigmas, inertial, positions, velocity_walk};
 pub use outcome::{Basis, Found, FusionError, Measured, Outlier, Plausible, Sample};
 
 use bundle::Bundle;
@@ -154,6 +156,25 @@ pub fn fuse(
     Err(FusionError::NoPosition)
 }
 
+/// Largest ratio of stated deviations after a correction of an inertial solution to those before it.
+const CORRECTED: f64 = 0.5;
+
+/// Standard deviations of position and velocity of the inertial solution before its corrections, by the first state after each.
+fn corrections(inputs: &Inputs<'_>, timeline: &Timeline) -> BTreeMap<usize, [f64; 2]> {
+    let states = inputs.inertial.windows(2).zip(timeline.inertial.windows(2));
+    let correction = |(pair, places): (&[Inertial], &[(usize, f64)])| {
+        let [before_m, after_m] =
+            [0, 1].map(|n| pair[n].position_m.map(|[_, sigma]| sigma.max_element()));
+        let (before_m, after_m) = before_m.zip(after_m)?;
+        let velocity_m_s = pair[0]
+            .velocity_m_s
+            .map_or(0.0, |[_, sigma]| sigma.max_element());
+        let (from, to) = (places[0].0, places[1].0);
+        (after_m < CORRECTED * before_m && to > from).then_some((to, [before_m, velocity_m_s]))
+    };
+    states.filter_map(correction).collect()
+}
+
 /// States, and measurements between them.
 fn problem<'a>(
     inputs: Inputs<'a>,
@@ -199,6 +220,7 @@ fn problem<'a>(
     Problem {
         inputs,
         model,
+        corrections: corrections(&inputs, &timeline),
         rates: (0..timeline.times_s.len()).map(rate).collect(),
         tilts: timeline.times_s.iter().map(tilt).collect(),
         bundles,

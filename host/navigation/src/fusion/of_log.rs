@@ -126,7 +126,8 @@ fn velocity(record: &Record, frame: &SceneFrame, default: f64, away_s: f64) -> O
 
 /// Positions, velocities and attitudes of a kind of records in a frame, with times counted from `start`.
 ///
-/// Standard deviations are those from record to record, which logs do not state: those of `default`. (Logs state those of errors that drift.)
+/// Standard deviations are those from record to record, which logs do not state: those of `default`, or the stated ones of the whole error where
+/// these are smaller. Drift is described by the model ([`velocity_walk`]).
 pub fn inertial(
     log: &Log,
     kind: Kind,
@@ -138,16 +139,61 @@ pub fn inertial(
         let turn = record.to_scene(frame)?;
         let attitude = record.attitude.map(|a| turn * a.to_east_north_up());
         let angles = attitude.map(|attitude| attitude.to_euler(EulerRot::ZYX));
-        let spread = DVec3::splat;
+        let least = |stated: Option<DVec3>, default: f64| {
+            along(record, frame, stated, default).min(DVec3::splat(default))
+        };
+        let heading_deg = match record.attitude_sigma_deg {
+            // A stated 0 is rounded up to 0.0001 degrees.
+            Some([.., azimuth]) => azimuth.clamp(1e-4, default.heading_deg),
+            None => default.heading_deg,
+        };
         Some(Inertial {
             time_s: record.time.since(start),
-            position_m: Some([record.place?.in_frame(frame)?, spread(default.place_m)]),
-            velocity_m_s: record
-                .velocity_m_s
-                .map(|velocity| [turn * velocity, spread(default.velocity_m_s)]),
-            heading_rad: angles.map(|(yaw, ..)| [yaw, default.heading_deg.to_radians()]),
+            position_m: Some([
+                record.place?.in_frame(frame)?,
+                least(record.place_sigma_m, default.place_m),
+            ]),
+            velocity_m_s: record.velocity_m_s.map(|velocity| {
+                let sigma = least(record.velocity_sigma_m_s, default.velocity_m_s);
+                [turn * velocity, sigma]
+            }),
+            heading_rad: angles.map(|(yaw, ..)| [yaw, heading_deg.to_radians()]),
             roll_pitch_rad: angles.map_or([0.0; 2], |(_, pitch, roll)| [roll, pitch]),
         })
     };
     log.of(kind).filter_map(moment).collect()
+}
+
+/// Shortest growth of stated deviations that counts, seconds: shorter ones are corrections and rounding.
+const GROWTH_S: f64 = 1.0;
+
+/// Random walk of the velocity error of an inertial solution, m/s a root second, from the growth of its stated standard deviations: the largest
+/// growth of their mean square over time, in a second or more without a decrease. `None` without growth or without stated deviations.
+///
+/// Stated deviations grow where the receiver has no positions.
+pub fn velocity_walk(log: &Log, kind: Kind) -> Option<f64> {
+    let mut largest: f64 = 0.0;
+    let mut from: Option<(GpsTime, f64)> = None;
+    let mut before = 0.0;
+    for record in log.of(kind) {
+        let Some(sigma) = record.velocity_sigma_m_s else {
+            continue;
+        };
+        let square = sigma.length_squared() / 3.0;
+        let start = match from {
+            Some(start) if square >= before => start,
+            _ => (record.time, square),
+        };
+        // Deviations that stay the same are no growth yet.
+        let start = match square > start.1 {
+            true => start,
+            false => (record.time, square),
+        };
+        let seconds = record.time.since(start.0);
+        if seconds >= GROWTH_S {
+            largest = largest.max((square - start.1) / seconds);
+        }
+        (from, before) = (Some(start), square);
+    }
+    (largest > 0.0).then(|| largest.sqrt())
 }

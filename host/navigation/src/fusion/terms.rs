@@ -22,10 +22,14 @@
 //! errors        b' = c + noise, c' = noise, h' = noise, s' = -s / T + noise
 //! ```
 //!
+//! **Corrections.** A receiver that has positions again corrects its inertial solution at once: the stated deviations fall, and errors before and after
+//! are independent. The noise of `b` and `c` in that interval is then as large as the errors before it.
+//!
 //! Each residual is left less right side over the standard deviation. Positions are three-dimensional and increments planar: motion along the body's own z is left to the motion model, positions and the inertial solution. (A
 //! two-dimensional model with separate height would be equivalent for a level body, and wrong for one that climbs.)
 
 use glam::{DMat3, DVec3};
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 use super::MIN_PIVOT;
@@ -128,6 +132,9 @@ pub(super) struct Problem<'a> {
     pub(super) bundles: Vec<Option<Bundle>>,
     /// Tilt of the body at each state.
     pub(super) tilts: Vec<DMat3>,
+    /// Standard deviations of position (metres) and velocity (m/s) of the inertial solution before a correction between a state and the next, by
+    /// the next state.
+    pub(super) corrections: BTreeMap<usize, [f64; 2]>,
     /// Rate of turn at each state, rad/s.
     pub(super) rates: Vec<f64>,
     /// Advances of the clocks for which the states were chosen.
@@ -267,6 +274,14 @@ impl Problem<'_> {
             slope[OWN + rate] += 1.0 / left;
             rows.done(Of::Model, i);
         };
+        // A correction adds the variances of the errors before it.
+        let inertial = match self.corrections.get(&(i + 1)) {
+            None => [model.inertial_position[1], model.inertial_velocity[1]],
+            Some(sigmas) => {
+                let walk = [model.inertial_position[1], model.inertial_velocity[1]];
+                [0, 1].map(|k| libm::hypot(walk[k], sigmas[k] / dt.sqrt()))
+            }
+        };
         for k in 0..3 {
             let acceleration = [
                 model.acceleration,
@@ -274,12 +289,7 @@ impl Problem<'_> {
                 model.acceleration_up,
             ][k];
             pair(P + k, V + k, 0.0, acceleration);
-            pair(
-                B + k,
-                C + k,
-                model.inertial_position[1],
-                model.inertial_velocity[1],
-            );
+            pair(B + k, C + k, inertial[0], inertial[1]);
         }
         let keep = libm::exp(-dt / model.scale_time_s);
         let scale = model.scale.max(HELD) * (1.0 - keep * keep).sqrt().max(1e-6);

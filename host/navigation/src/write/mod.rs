@@ -37,7 +37,7 @@ impl LogFormat {
     /// Write a log of states that ascend in time; their times are rounded to milliseconds in text formats.
     ///
     /// `remark`, without commas, asterisks and control characters, becomes the proprietary sentence `PSBAP` on the first line; an SBET has
-    /// no place for it. `undulation_m` is the stated height of the geoid above the ellipsoid, metres; heights above mean sea level are
+    /// no place for it. Each state is written with its own standard deviations. `undulation_m` is the stated height of the geoid above the ellipsoid, metres; heights above mean sea level are
     /// ellipsoidal heights minus it.
     ///
     /// # Errors
@@ -46,7 +46,6 @@ impl LogFormat {
         self,
         out: &mut dyn Write,
         remark: &str,
-        deviations: &Deviations,
         undulation_m: f64,
         states: impl Iterator<Item = VehicleState>,
     ) -> io::Result<()> {
@@ -55,9 +54,9 @@ impl LogFormat {
         }
         for state in states {
             match self {
-                Self::Nmea => nmea::record(out, &state, deviations, undulation_m)?,
-                Self::Inspvax => novatel::inspvax(out, &state, deviations, undulation_m)?,
-                Self::Bestpos => novatel::bestpos(out, &state, deviations, undulation_m)?,
+                Self::Nmea => nmea::record(out, &state, undulation_m)?,
+                Self::Inspvax => novatel::inspvax(out, &state, undulation_m)?,
+                Self::Bestpos => novatel::bestpos(out, &state, undulation_m)?,
                 Self::Sbet => sbet::record(out, &state)?,
             }
         }

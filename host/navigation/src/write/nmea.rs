@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::state::{Deviations, VehicleState};
+use super::state::VehicleState;
 
 /// Speed of one metre per second, knots.
 const KNOTS: f64 = 3600.0 / 1852.0;
@@ -17,9 +17,9 @@ pub(super) fn sentence(out: &mut dyn Write, text: &str) -> io::Result<()> {
 pub(super) fn record(
     out: &mut dyn Write,
     state: &VehicleState,
-    deviations: &Deviations,
     undulation_m: f64,
 ) -> io::Result<()> {
+    let deviations = &state.deviations;
     let ([year, month, day], ms) = state.time.utc_date_ms();
     let time = format!(
         "{:02}{:02}{:02}.{:03}",

@@ -32,13 +32,13 @@ fn place_deviations(deviations: &Deviations) -> String {
     format!("{level:.4},{level:.4},{height:.4}")
 }
 
-/// Write a record `INSPVAX` with the standard deviations.
+/// Write a record `INSPVAX` with its standard deviations.
 pub(super) fn inspvax(
     out: &mut dyn Write,
     state: &VehicleState,
-    deviations: &Deviations,
     undulation_m: f64,
 ) -> io::Result<()> {
+    let deviations = &state.deviations;
     let kind = match deviations.are_fixed() {
         true => "INS_RTKFIXED",
         false => "INS_PSRSP",
@@ -59,9 +59,9 @@ pub(super) fn inspvax(
 pub(super) fn bestpos(
     out: &mut dyn Write,
     state: &VehicleState,
-    deviations: &Deviations,
     undulation_m: f64,
 ) -> io::Result<()> {
+    let deviations = &state.deviations;
     let kind = match deviations.are_fixed() {
         true => "NARROW_INT",
         false => "SINGLE",

@@ -6,7 +6,7 @@ use subaperture_model::geometry::Geodetic;
 
 use crate::{Attitude, GpsTime};
 
-/// Standard deviations that a log states for all its records.
+/// Standard deviations that a record states.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviations {
     /// Position along east and along north, metres.
@@ -37,6 +37,8 @@ pub struct VehicleState {
     pub velocity_m_s: DVec3,
     /// Roll, pitch and azimuth, degrees.
     pub attitude_deg: [f64; 3],
+    /// Standard deviations of the state.
+    pub deviations: Deviations,
 }
 
 impl VehicleState {

@@ -37,6 +37,7 @@ fn states() -> Vec<VehicleState> {
                 },
                 velocity_m_s: DVec3::new(-1.25, 0.5, 0.125),
                 attitude_deg: [-2.5, 1.25, 291.8],
+                deviations: DEVIATIONS,
             }
         })
         .collect()
@@ -47,9 +48,7 @@ fn written(format: LogFormat) -> Vec<u8> {
     let remark = "written by a test";
     let states = states();
     let all = states.iter().copied();
-    format
-        .write(&mut bytes, remark, &DEVIATIONS, UNDULATION_M, all)
-        .unwrap();
+    format.write(&mut bytes, remark, UNDULATION_M, all).unwrap();
     assert!(bytes.len() as u64 <= 11 * format.max_record_bytes());
     bytes
 }

@@ -9,7 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::Plan;
 use crate::antennas::Reference;
 use crate::capture::CaptureError;
-use crate::profile::{ChirpResponse, Sweep};
+use crate::error::RadioError;
+use crate::live::{Counts, Level, LiveBurst};
+use crate::profile::ChirpResponse;
 use crate::sigmf::{Flag, Setup, Step, Writer};
 use crate::transceiver::{Burst, Configuration, Sample, Side, Transceiver};
 
@@ -28,8 +30,27 @@ pub struct ChirpSummary {
     pub set: Configuration,
 }
 
-/// Send the bursts of a plan, record them to `path` if given, and call `emit` with index and frequency response of each
-/// burst, until the plan is complete or `stop` is set.
+/// Settings in effect on a radio that [`prepare`] has configured.
+#[derive(Clone, Debug)]
+pub struct Ready {
+    set: Configuration,
+    /// Parameters of the recording.
+    pub setup: Setup,
+}
+
+/// Check a plan against a radio and apply the plan's settings.
+///
+/// # Errors
+/// If the plan does not fit the radio, or a setting cannot be applied.
+pub fn prepare(radio: &mut dyn Transceiver, plan: &Plan) -> Result<Ready, RadioError> {
+    plan.check(&radio.about().ranges)?;
+    let set = radio.configure(&plan.radio)?;
+    let setup = setup(radio, plan, &set);
+    Ok(Ready { set, setup })
+}
+
+/// Send the bursts of a plan, record them to `path` if given, and call `emit` with each burst, until the plan is complete
+/// or `stop` is set.
 ///
 /// # Errors
 /// If the plan does not fit the radio, or the radio or the disk fails. The recording up to then is complete.
@@ -37,12 +58,26 @@ pub fn capture(
     radio: &mut dyn Transceiver,
     plan: &Plan,
     path: Option<&Path>,
-    emit: &mut dyn FnMut(u64, Sweep),
+    emit: &mut dyn FnMut(LiveBurst),
     stop: &AtomicBool,
 ) -> Result<ChirpSummary, CaptureError> {
-    plan.check(&radio.about().ranges)?;
-    let set = radio.configure(&plan.radio)?;
-    let setup = setup(radio, plan, &set);
+    let ready = prepare(radio, plan)?;
+    capture_ready(radio, plan, ready, path, emit, stop)
+}
+
+/// Capture like [`capture`], with a radio already set by [`prepare`]; for callers that need the settings in effect
+/// first.
+///
+/// # Errors
+/// If the radio or the disk fails. The recording up to then is complete.
+pub fn capture_ready(
+    radio: &mut dyn Transceiver,
+    plan: &Plan,
+    Ready { set, setup }: Ready,
+    path: Option<&Path>,
+    emit: &mut dyn FnMut(LiveBurst),
+    stop: &AtomicBool,
+) -> Result<ChirpSummary, CaptureError> {
     let writer = path
         .map(|path| Writer::create(path, setup.clone()))
         .transpose()?;
@@ -77,11 +112,12 @@ impl Engine<'_> {
     fn bursts(
         &mut self,
         radio: &mut dyn Transceiver,
-        emit: &mut dyn FnMut(u64, Sweep),
+        emit: &mut dyn FnMut(LiveBurst),
         stop: &AtomicBool,
     ) -> Result<(), CaptureError> {
         let (plan, summary) = (self.plan, &mut self.summary);
         let waveform = plan.waveform();
+        let mut counts = Counts::default();
         let mut channels = [
             vec![Sample::ZERO; plan.samples()],
             vec![Sample::ZERO; plan.samples()],
@@ -105,9 +141,23 @@ impl Engine<'_> {
                 ..Step::received(&self.setup, &received, plan.samples(), carrier_hz)
             };
             let counted = [Flag::Late, Flag::Lost, Flag::Clipped];
-            for (count, flag) in summary.flagged.iter_mut().zip(counted) {
-                *count += u64::from(step.flags.contains(&flag));
+            let [late, lost, clipped] = counted.map(|flag| step.flags.contains(&flag));
+            for (count, is) in summary.flagged.iter_mut().zip([late, lost, clipped]) {
+                *count += u64::from(is);
             }
+            let flagged = [late, lost, false, clipped, false];
+            for (count, is) in counts.flagged.iter_mut().zip(flagged) {
+                *count += u64::from(is);
+            }
+            counts.steps += 1;
+            counts.bursts += 1;
+            counts.lost_samples += received
+                .lost
+                .iter()
+                .map(ExactSizeIterator::len)
+                .sum::<usize>() as u64;
+            let level = |c: usize| Level::of(both[c], &received.lost, received.clipped[c]);
+            let (time_s, levels) = (step.time_s, [level(0), level(1)]);
             let mut response = ChirpResponse::new(&self.setup);
             response.add(&step, both);
             if let Some(writer) = &mut self.writer {
@@ -116,7 +166,14 @@ impl Engine<'_> {
             for (all, new) in summary.pulses.iter_mut().zip(response.pulses()) {
                 *all += new;
             }
-            emit(summary.bursts, response.sweep());
+            emit(LiveBurst {
+                index: summary.bursts,
+                time_s,
+                response: response.sweep(),
+                levels,
+                flagged,
+                counts,
+            });
             summary.bursts += 1;
         }
         Ok(())

@@ -31,7 +31,7 @@ use crate::error::RadioError;
 use crate::plan::MAX_SAMPLES;
 use crate::transceiver::{Configuration, Ranges};
 
-pub use capture::{ChirpSummary, capture};
+pub use capture::{ChirpSummary, Ready, capture, capture_ready, prepare};
 
 /// Plan of a chirp capture.
 #[section]

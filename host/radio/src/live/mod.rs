@@ -9,6 +9,8 @@
 //! [`crate::profile`] for skipped and interpolated carriers and its transform are shared. The waterfall reduces a
 //! profile to [`View::columns`] columns, each the largest magnitude of its samples, so that no peak is lost.
 //!
+//! A burst of chirps is a sweep: the capture gives [`LiveBurst`], which [`BurstView`] puts on the board in the same thread, between bursts.
+//!
 //! A sweep ends with its last step, or with the first step of a later sweep. Steps dropped by a full queue are missing,
 //! like lost steps. A sweep with less than two thirds of its carriers has no profile, and its waterfall row is empty.
 //!
@@ -21,13 +23,17 @@
 //! copy the state under a lock that the follower takes once per sweep and the capture never takes.
 
 mod board;
+mod bursts;
+mod display;
 mod follow;
 mod level;
 mod picture;
 mod step;
 
 pub use board::{LiveState, Row, Status};
-pub use follow::{LiveSweep, SweepAssembler, View};
+pub use bursts::{BurstView, LiveBurst};
+pub use display::{LiveSweep, View};
+pub use follow::SweepAssembler;
 pub use level::Level;
 pub use picture::{MAX_PIXELS, Picture};
 pub use step::{Counts, LiveStep};

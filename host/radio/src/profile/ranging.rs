@@ -134,7 +134,7 @@ impl Ranging {
     }
 
     /// Response with a loopback reference, calibrated.
-    fn calibrated(&self, sweep: Sweep) -> Result<Sweep, ProfileError> {
+    pub(crate) fn calibrated(&self, sweep: Sweep) -> Result<Sweep, ProfileError> {
         Ok(match &self.calibration {
             // The set-up was checked by `new`.
             Some(calibration) => calibration.apply(&calibration.setup, &sweep)?,

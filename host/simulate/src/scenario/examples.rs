@@ -1,7 +1,7 @@
 //! Example scenarios, as printed by `subap simulate --example NAME`.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 11] = [
+const EXAMPLES: [(&str, &str); 12] = [
     ("spotlight", include_str!("examples/spotlight.toml")),
     ("stripmap", include_str!("examples/stripmap.toml")),
     ("circular", include_str!("examples/circular.toml")),
@@ -12,11 +12,12 @@ const EXAMPLES: [(&str, &str); 11] = [
     ("arc", include_str!("examples/arc.toml")),
     ("walk", include_str!("examples/walk.toml")),
     ("truck", include_str!("examples/truck.toml")),
+    ("fusion", include_str!("examples/fusion.toml")),
     ("distributed", include_str!("examples/distributed.toml")),
 ];
 
 /// Names of the examples.
-pub fn names() -> [&'static str; 11] {
+pub fn names() -> [&'static str; 12] {
     EXAMPLES.map(|(name, _)| name)
 }
 

@@ -431,9 +431,12 @@ pub(super) struct NavigationLogKeys {
     /// Height of the geoid above the ellipsoid that the log states.
     #[key(default = "0 m", within(-200.0, 200.0, "-200 to 200 m"))]
     pub(super) undulation_m: f64,
-    /// Start and end of outages, from time 0 of the collection: the log has no records within.
+    /// Start and end of outages, from time 0 of the collection: the log has no records within, unless drift is given.
     #[key(example = ["2 s, 5 s"], rows(1, Time, Time))]
     pub(super) outages: Located<Vec<(f64, f64)>>,
+    /// Standard deviation of the constant acceleration error of inertial sensors, with which an INSPVAX or SBET continues through outages.
+    #[key(example = "5 mm/s^2", within(0.0, 10.0, "0 to 10 m/s^2"))]
+    pub(super) drift_m_s2: Option<Located<f64>>,
 }
 
 #[derive(Clone, Copy, Choice)]

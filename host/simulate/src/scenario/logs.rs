@@ -68,6 +68,13 @@ fn log(keys: &NavigationLogKeys, radar: &Radar, start: GpsTime) -> Result<Naviga
             .outages
             .fault("expected the end of an outage after its start"));
     }
+    if let Some(drift) = &keys.drift_m_s2
+        && matches!(keys.format, LogFormatKey::Nmea | LogFormatKey::Bestpos)
+    {
+        return Err(drift.fault(
+            "a receiver without inertial sensors has no records in outages: remove 'drift', or set format = \"inspvax\"",
+        ));
+    }
     let log = NavigationLog {
         file: file.to_owned(),
         format: match keys.format {
@@ -87,6 +94,7 @@ fn log(keys: &NavigationLogKeys, radar: &Radar, start: GpsTime) -> Result<Naviga
         lever_arm_m: keys.lever_arm_m,
         undulation_m: keys.undulation_m,
         outages_s: keys.outages.to_vec(),
+        drift_m_s2: keys.drift_m_s2.as_deref().copied(),
     };
     let count = log.times_s(radar).count() as f64;
     if count > MAX_RECORDS {

@@ -432,6 +432,13 @@ fn logs_without_date_origin_or_own_name_are_refused_at_line_and_column() {
         11,
         "end of an outage",
     );
+    let drift = format!("{log}\ndrift = \"5 mm/s^2\"");
+    refuse(
+        &[DATE, (speed, &logs(origin, &[&drift]))],
+        24,
+        9,
+        "without inertial sensors",
+    );
     let fast = format!("{log}\nrate = \"1001 Hz\"");
     refuse(&[DATE, (speed, &logs(origin, &[&fast]))], 24, 8, "1000 Hz");
     let fast = format!("{log}\nrate = \"1000 Hz\"");

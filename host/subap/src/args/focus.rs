@@ -49,8 +49,9 @@ pub(crate) struct Focus {
 
     /// Track that replaces the recorded positions: a file from subap track, with positions and attitudes of the body whose origin is the
     /// middle of the antennas and whose x axis lies along the receivers; mpga, estimated from the recording's own echoes with the defaults
-    /// of subap track; or fused, estimated from the echoes and navigation (the recorded positions, or the logs of --navigation)
-    #[arg(long, value_name = "CSV|mpga|fused", value_hint = ValueHint::FilePath, value_parser = track_source(),
+    /// of subap track; fused, estimated from the echoes and navigation (the recorded positions, or the logs of --navigation); or navigation,
+    /// the logs of --navigation alone
+    #[arg(long, value_name = "CSV|mpga|fused|navigation", value_hint = ValueHint::FilePath, value_parser = track_source(),
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
     pub(crate) track: Option<TrackSource>,
 

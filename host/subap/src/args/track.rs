@@ -84,6 +84,8 @@ pub(crate) enum TrackSource {
     Echoes,
     /// Estimated from echoes and navigation.
     Fused,
+    /// Positions of the navigation logs, without the echoes.
+    Navigation,
     /// Read from a file.
     File(PathBuf),
 }
@@ -93,7 +95,7 @@ impl TrackSource {
     pub(crate) fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) => Some(path),
-            Self::Echoes | Self::Fused => None,
+            Self::Echoes | Self::Fused | Self::Navigation => None,
         }
     }
 }
@@ -104,16 +106,18 @@ impl fmt::Display for TrackSource {
         match self {
             Self::Echoes => f.write_str("mpga"),
             Self::Fused => f.write_str("fused"),
+            Self::Navigation => f.write_str("navigation"),
             Self::File(path) => path.display().fmt(f),
         }
     }
 }
 
-/// A file of any name but these two (`./mpga` is a file).
+/// A file of any name but these three (`./mpga` is a file).
 pub(super) fn track_source() -> impl TypedValueParser<Value = TrackSource> {
     PathBufValueParser::new().map(|path| match path.to_str() {
         Some("mpga") => TrackSource::Echoes,
         Some("fused") => TrackSource::Fused,
+        Some("navigation") => TrackSource::Navigation,
         _ => TrackSource::File(path),
     })
 }

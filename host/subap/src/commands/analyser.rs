@@ -37,12 +37,11 @@ pub(super) fn run(
         ("--live", typed.live),
         ("--page", typed.watching.is_asked()),
     ];
-    if let Some((option, _)) = of_radios.into_iter().find(|(_, given)| *given) {
-        let fault = format!(
-            "{option} does not apply to device.kind = \"vna\": leave it out; the recording is formed by subap focus"
-        );
-        return Err(Usage(fault).into());
-    }
+    Usage::refuse(
+        &of_radios,
+        "device.kind = \"vna\"",
+        "the recording is formed by subap focus",
+    )?;
     let Some(out) = typed.out.as_ref().or(experiment.recording.as_ref()) else {
         let fault =
             "no output for the recording: give --out DIR, or files.recording of the experiment";

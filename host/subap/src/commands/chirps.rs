@@ -5,15 +5,17 @@ use std::path::Path;
 use serde_json::json;
 use subaperture::io::atomic::free_bytes;
 use subaperture::monitor::Monitor;
-use subaperture::radio::Ranges;
+use subaperture::radio::capture::CaptureError;
 use subaperture::radio::chirp::{ChirpSummary, Plan, capture};
 use subaperture::radio::experiment::{ChirpExperiment, Device};
+use subaperture::radio::live::LiveBurst;
+use subaperture::radio::{Ranges, Transceiver};
 
 use super::capture_files::{meta, recording_files};
 use crate::args::Capture;
 use crate::config::Session;
 use crate::failure::{InterruptedWithSteps, Usage};
-use crate::{interrupt, messages, text};
+use crate::{interrupt, messages, text, watch};
 
 /// Bytes of a sample of both channels.
 const SAMPLE_BYTES: usize = 8;
@@ -24,17 +26,11 @@ pub(super) fn run(
     typed: &Capture,
     mut experiment: ChirpExperiment,
 ) -> anyhow::Result<()> {
-    let of_carriers = [
-        ("--module", typed.module.is_some()),
-        ("--live", typed.live),
-        ("--page", typed.watching.is_asked()),
-    ];
-    if let Some((option, _)) = of_carriers.into_iter().find(|(_, given)| *given) {
-        let fault = format!(
-            "{option} does not apply to chirps: leave it out; subap profile shows the recording"
-        );
-        return Err(Usage(fault).into());
-    }
+    Usage::refuse(
+        &[("--module", typed.module.is_some())],
+        "chirps",
+        "subap profile shows the recording",
+    )?;
     if let Some(recording) = &typed.replay {
         experiment.device = Device::Replay(recording.clone());
     }
@@ -50,13 +46,17 @@ pub(super) fn run(
     let opening = session.progress("opening the radio");
     let captured = experiment.with_radio(session.memory_bytes, |radio| {
         opening.finish();
-        let _keeping = interrupt::Keeping::begin();
-        let progress = session.progress("capturing");
-        let mut seen = |burst: u64, _| match plan.bursts {
-            0 => progress.set_label(format!("burst {}", burst + 1)),
-            bursts => progress.progress((burst + 1) as f64 / bursts as f64),
-        };
-        capture(radio, plan, Some(out), &mut seen, interrupt::flag())
+        if typed.live || typed.watching.is_asked() {
+            return watch::bursts(
+                session,
+                radio,
+                &experiment,
+                &typed.watching,
+                typed.live,
+                out,
+            );
+        }
+        Ok(captured(session, radio, plan, out)?)
     })?;
     let summary = captured?;
     report(session, plan, &summary, out)?;
@@ -69,6 +69,22 @@ pub(super) fn run(
         .into());
     }
     Ok(())
+}
+
+/// Run the capture with a progress bar. Ctrl-C stops it cleanly.
+fn captured(
+    session: &Session,
+    radio: &mut dyn Transceiver,
+    plan: &Plan,
+    out: &Path,
+) -> Result<ChirpSummary, CaptureError> {
+    let _keeping = interrupt::Keeping::begin();
+    let progress = session.progress("capturing");
+    let mut seen = |burst: LiveBurst| match plan.bursts {
+        0 => progress.set_label(format!("burst {}", burst.index + 1)),
+        bursts => progress.progress((burst.index + 1) as f64 / bursts as f64),
+    };
+    capture(radio, plan, Some(out), &mut seen, interrupt::flag())
 }
 
 /// Print the minimum time and disk space of the plan.

@@ -40,8 +40,19 @@ use job::{Job, opened, products};
 
 /// Form the image and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
-    if !typed.logs.navigation.is_empty() && typed.track != Some(TrackSource::Fused) {
-        return Err(Usage("--navigation needs --track fused".to_owned()).into());
+    let has_logs = !typed.logs.navigation.is_empty();
+    match &typed.track {
+        Some(TrackSource::Fused) => {}
+        Some(TrackSource::Navigation) if !has_logs => {
+            return Err(Usage("--track navigation needs --navigation LOG".to_owned()).into());
+        }
+        Some(TrackSource::Navigation) => {}
+        _ if has_logs => {
+            return Err(
+                Usage("--navigation needs --track fused or --track navigation".to_owned()).into(),
+            );
+        }
+        _ => {}
     }
     surface::check(&typed.image)?;
     if let Some(path) = &typed.from_maps {

@@ -24,8 +24,11 @@ use anyhow::Context;
 use subaperture::live_capture::Imaging;
 use subaperture::radio::Transceiver;
 use subaperture::radio::capture::{EndReason, Queues, Summary, capture_ready, prepare};
-use subaperture::radio::experiment::Experiment;
-use subaperture::radio::live::{LiveState, LiveStep, LiveSweep, SweepAssembler, View};
+use subaperture::radio::chirp::{self, ChirpSummary};
+use subaperture::radio::experiment::{ChirpExperiment, Experiment};
+use subaperture::radio::live::{
+    BurstView, LiveBurst, LiveState, LiveStep, LiveSweep, SweepAssembler, View,
+};
 use subaperture::radio::plan::Plan;
 use subaperture::radio::profile::{Calibration, Options};
 use subaperture::radio::sigmf::Setup;
@@ -148,21 +151,73 @@ impl Drop for Over<'_> {
     }
 }
 
-fn follower(
-    radio: &dyn Transceiver,
-    experiment: &Experiment,
-    setup: &Setup,
-    out: &Path,
-) -> anyhow::Result<(SweepAssembler, LiveState)> {
-    let calibration = experiment.calibration.as_deref();
-    let view = View {
+/// Display options of a capture to `out`.
+fn view(calibration: Option<&Path>, out: &Path) -> anyhow::Result<View> {
+    Ok(View {
         profile: Options {
             calibration: calibration.map(Calibration::read).transpose()?,
             ..Options::default()
         },
         disk: Some(out.to_owned()),
         ..View::default()
-    };
+    })
+}
+
+/// Run a capture of chirps with its display.
+pub(crate) fn bursts(
+    session: &Session,
+    radio: &mut dyn Transceiver,
+    experiment: &ChirpExperiment,
+    watching: &Watching,
+    in_terminal: bool,
+    out: &Path,
+) -> anyhow::Result<ChirpSummary> {
+    let plan = &experiment.plan;
+    let ready = chirp::prepare(radio, plan)?;
+    let view = view(experiment.calibration.as_deref(), out)?;
+    let (mut shown, board) = BurstView::new(&ready.setup, plan.bursts, view)?;
+    let board = Arc::new(board);
+    #[cfg(feature = "page")]
+    let page = page::serve(watching, &board)?;
+    #[cfg(not(feature = "page"))]
+    let _ = watching;
+    let _keeping = interrupt::Keeping::begin();
+    let ended = AtomicBool::new(false);
+    let summary = thread::scope(|scope| {
+        let board = &*board;
+        let over = Over(&ended);
+        let terminal = thread::Builder::new()
+            .spawn_scoped(scope, || {
+                terminal::show(session, board, in_terminal, &ended)
+            })
+            .context(NO_THREAD)?;
+        let mut emit = |burst: LiveBurst| {
+            shown.take(board, burst);
+        };
+        let stop = interrupt::flag();
+        let summary = chirp::capture_ready(radio, plan, ready, Some(out), &mut emit, stop);
+        board.end(match &summary {
+            Err(_) => "the radio or the disk failed",
+            Ok(summary) if !summary.stopped => "all bursts captured",
+            Ok(_) if plan.bursts == 0 => "stopped",
+            Ok(_) => "stopped before the last burst",
+        });
+        drop(over);
+        let _ = terminal.join();
+        anyhow::Ok(summary?)
+    })?;
+    #[cfg(feature = "page")]
+    drop(page);
+    Ok(summary)
+}
+
+fn follower(
+    radio: &dyn Transceiver,
+    experiment: &Experiment,
+    setup: &Setup,
+    out: &Path,
+) -> anyhow::Result<(SweepAssembler, LiveState)> {
+    let view = view(experiment.calibration.as_deref(), out)?;
     let bytes = experiment.plan.bytes_a_second(&radio.about().ranges);
     Ok(SweepAssembler::new(&experiment.plan, setup, bytes, view)?)
 }

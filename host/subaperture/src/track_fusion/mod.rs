@@ -110,7 +110,7 @@ impl FusedTrack {
         let fused = |navigation: &Navigation| {
             let inputs = Inputs {
                 increments: &increments,
-                positions: &navigation.positions,
+                positions: navigation.absolute(),
                 inertial: &navigation.inertial,
             };
             fuse(&inputs, &model, monitor)
@@ -253,6 +253,28 @@ fn increments(found: &Recovered) -> Vec<Increment> {
         .collect()
 }
 
+/// Standard deviation of the relative scale error of the echo track, `None` for a track without extent: that which explains the whole
+/// covariance of its shape. An error of scale displaces a pose in proportion to its distance from the middle of the track:
+///
+/// ```text
+/// scale^2 = sum of variances / sum of squared distances from the middle
+/// ```
+///
+/// The joint estimate contains the information of ranges and directions on the scale; without it (increments alone) the error is that of
+/// [`Model::default`].
+fn scale(found: &Recovered) -> Option<f64> {
+    let moments = &found.moments;
+    let sum: DVec3 = moments.iter().map(|moment| moment.position_m).sum();
+    let middle_m = sum / moments.len().max(1) as f64;
+    let (mut variances_m2, mut squares_m2) = (0.0, 0.0);
+    for moment in moments {
+        variances_m2 += moment.covariance.x_axis.x + moment.covariance.y_axis.y;
+        squares_m2 += moment.position_m.distance_squared(middle_m);
+    }
+    let scale = (variances_m2 / squares_m2).sqrt();
+    (scale > 0.0 && scale.is_finite()).then_some(scale)
+}
+
 /// Assumptions of the fusion: all sensors on one rigid body and one clock, and increments that were estimated jointly.
 fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Model {
     let arm_m = Assumed {
@@ -263,8 +285,20 @@ fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Mod
     Model {
         // Jointly estimated increments are noisy individually but accurate in sum.
         outlier_sigmas: None,
+        // Covariances of a track that does not fit its own echoes do not describe its errors.
+        scale: scale(found)
+            .filter(|_| fits(found))
+            .map_or(model.scale, |own| own.min(model.scale)),
         receiver_arm_m: arm_m,
         inertial_arm_m: arm_m,
+        inertial_velocity: [
+            model.inertial_velocity[0],
+            navigation
+                .velocity_walk
+                .map_or(model.inertial_velocity[1], |walk| {
+                    walk.max(model.inertial_velocity[1])
+                }),
+        ],
         squint_rad: Assumed {
             value: navigation.squint_rad(found).unwrap_or(0.0),
             ..model.squint_rad

@@ -6,7 +6,7 @@ use subaperture_model::phase_history::Channels;
 use subaperture_model::track::{Fix, turned};
 use subaperture_motion::targets::{Moment, Recovered};
 use subaperture_navigation::fusion::{
-    DefaultSigmas, Fused, Inertial, Position, inertial, positions,
+    DefaultSigmas, Fused, Inertial, Position, inertial, positions, velocity_walk,
 };
 use subaperture_navigation::{Clock, GpsTime, Kind, Log, Place, Record};
 
@@ -16,6 +16,8 @@ use super::Mounting;
 const MARGIN_S: f64 = 2.0;
 /// Maximum number of measurements of a type: each adds an epoch of about 15 kB to the fusion.
 const MAX_MEASUREMENTS: usize = 2000;
+/// Time after which errors of an inertial solution's positions count as independent, seconds: that between a receiver's usual corrections.
+const CORRECTED_S: f64 = 1.0;
 /// Minimum standard deviation, metres; smaller errors cannot be distinguished from the echoes' noise.
 const MIN_SIGMA_M: f64 = 1e-4;
 
@@ -100,6 +102,10 @@ pub enum UnusableLog {
 pub struct Navigation {
     pub(super) positions: Vec<Position>,
     pub(super) inertial: Vec<Inertial>,
+    /// Positions of the inertial solution at intervals of [`CORRECTED_S`], with their stated deviations.
+    corrected: Vec<Position>,
+    /// Random walk of the velocity error of the inertial solution, m/s a root second; `None` if the log does not state it.
+    pub(super) velocity_walk: Option<f64>,
     pub(super) sources: Vec<Source>,
     /// Standard deviation of sources without stated errors, estimated from their deviation from the echoes, metres.
     pub(super) stated_m: Option<f64>,
@@ -175,6 +181,9 @@ impl Navigation {
                 placed |= !all.is_empty();
                 let (of, some) = decimated(all, about, |one| one.time_s);
                 self.inertial = some;
+                let places = positions(log, one.kind, &frame, start, &unstated);
+                self.corrected = independent(decimated(places, about, |one| one.time_s).1);
+                self.velocity_walk = velocity_walk(log, one.kind);
                 (of, self.inertial.len())
             } else {
                 let all = positions(log, one.kind, &frame, start, &unstated);
@@ -250,9 +259,9 @@ impl Navigation {
         };
         Self {
             positions,
-            inertial: Vec::new(),
             sources: vec![source],
             stated_m: Some(sigma_m),
+            ..Self::default()
         }
     }
 
@@ -288,10 +297,18 @@ impl Navigation {
         self.inertial.iter().filter_map(inertial).map(fix).collect()
     }
 
+    /// Positions that the fusion takes for absolute: those of a receiver, else those of the inertial solution, which a receiver corrects.
+    pub(super) fn absolute(&self) -> &[Position] {
+        match self.positions.is_empty() {
+            true => &self.corrected,
+            false => &self.positions,
+        }
+    }
+
     /// Copy with standard deviations multiplied by a factor.
     pub(super) fn widened(&self, times: f64) -> Self {
         let mut wide = self.clone();
-        for one in &mut wide.positions {
+        for one in wide.positions.iter_mut().chain(&mut wide.corrected) {
             one.sigma_m *= times;
             one.velocity_m_s = one.velocity_m_s.map(|[v, sigma]| [v, sigma * times]);
         }
@@ -307,7 +324,7 @@ impl Navigation {
     pub(super) fn off(&self, track: &Fused, arm_m: DVec3) -> Option<Off> {
         let (mut squares_m2, mut squares) = (Vec::new(), Vec::new());
         let mut samples = track.samples.iter().peekable();
-        for one in &self.positions {
+        for one in self.absolute() {
             // Find the first sample at or after the measurement; samples are a pulse or a measurement apart.
             while samples
                 .next_if(|next| next.time_s < one.time_s - 1e-9)
@@ -398,6 +415,19 @@ fn decimated<T>(all: Vec<T>, about: &About, time_s: impl Fn(&T) -> f64) -> (usiz
             .collect();
     }
     (of, some)
+}
+
+/// Positions at least [`CORRECTED_S`] apart.
+fn independent(mut all: Vec<Position>) -> Vec<Position> {
+    let mut last_s = f64::NEG_INFINITY;
+    all.retain(|one| {
+        let kept = one.time_s - last_s >= CORRECTED_S * (1.0 - 1e-9);
+        if kept {
+            last_s = one.time_s;
+        }
+        kept
+    });
+    all
 }
 
 /// Mean of exponentially distributed values, estimated from the median; `None` without values.

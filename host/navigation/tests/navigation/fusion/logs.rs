@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 use subaperture_model::monitor::Silent;
-use subaperture_navigation::fusion::{DefaultSigmas, Inputs, fuse, positions};
+use subaperture_navigation::fusion::{
+    DefaultSigmas, Increment, Inertial, Inputs, Measured, Model, Position, fuse, inertial,
+    positions, velocity_walk,
+};
+use subaperture_navigation::write::{Deviations, LogFormat, VehicleState};
 use subaperture_navigation::{GpsTime, Kind, Log, Options};
 
 use super::sensors::{noise, place, sensors, velocity};
@@ -207,4 +211,131 @@ fn velocities_bridge_gaps_of_increments() {
     assert!(with[1] < 0.7 * without[1] && with[0] < without[0]);
     // Errors within a gap are correlated: with few independent ones the RMS is within a factor of two.
     assert!((0.4..2.2).contains(&(with[0] / with[1])), "{with:?}");
+}
+
+/// INSPVAX of a vehicle at rest, ten records a second, with these deviations over time.
+fn inertial_log(seconds: f64, deviations: impl Fn(f64) -> Deviations) -> Log {
+    let states = (0..(10.0 * seconds) as i32).map(|n| {
+        let time_s = f64::from(n) / 10.0;
+        VehicleState {
+            time: START.later(time_s),
+            place: Geodetic {
+                latitude_deg: 51.0,
+                longitude_deg: -114.0,
+                height_m: 1000.0,
+            },
+            velocity_m_s: DVec3::ZERO,
+            attitude_deg: [0.0, 0.0, 90.0],
+            deviations: deviations(time_s),
+        }
+    });
+    let mut bytes = Vec::new();
+    LogFormat::Inspvax
+        .write(&mut bytes, "test", 0.0, states)
+        .unwrap();
+    Log::read_from(&bytes[..], Path::new("log"), &Options::default()).unwrap()
+}
+
+/// Deviation of a random walk of 0.05 m/s a root second from 2 s to 6 s, on 0.1 m/s.
+fn walking(time_s: f64) -> Deviations {
+    let seconds = if time_s < 6.0 {
+        (time_s - 2.0).max(0.0)
+    } else {
+        0.0
+    };
+    Deviations {
+        horizontal_m: 0.02,
+        vertical_m: 2.0,
+        velocity_m_s: (0.01 + 0.05f64.powi(2) * seconds).sqrt(),
+        attitude_deg: 0.2,
+    }
+}
+
+#[test]
+fn velocity_walk_is_growth_of_stated_deviations() {
+    let walk = velocity_walk(&inertial_log(10.0, walking), Kind::Inspvax).unwrap();
+    // Deviations of 0.1 m/s are rounded to 0.05 mm/s: squares over a second err by 1e-5 of 2.5e-3.
+    assert!(
+        (walk - 0.05).abs() < 0.05 * 0.5 * 1e-5 / 2.5e-3 + 1e-9,
+        "{walk}"
+    );
+    let steady = inertial_log(10.0, |_| walking(0.0));
+    assert_eq!(velocity_walk(&steady, Kind::Inspvax), None);
+    // Rounding and a growth for less than a second do not count.
+    let short = inertial_log(10.0, |t| {
+        walking(if (3.0..3.5).contains(&t) { t } else { 0.0 })
+    });
+    assert_eq!(velocity_walk(&short, Kind::Inspvax), None);
+}
+
+#[test]
+fn inertial_states_have_stated_deviations_up_to_the_default() {
+    let default = DefaultSigmas::default();
+    let log = inertial_log(0.2, walking);
+    let states = inertial(&log, Kind::Inspvax, &frame(), START, &default);
+    let [_, place] = states[0].position_m.unwrap();
+    // Stated are 2 cm level and 2 m in height.
+    assert!(
+        place.distance(DVec3::new(0.02, 0.02, default.place_m)) < 1e-9,
+        "{place}"
+    );
+    let [_, velocity] = states[0].velocity_m_s.unwrap();
+    assert!(velocity.distance(DVec3::splat(0.1)) < 1e-9, "{velocity}");
+    let [_, heading] = states[0].heading_rad.unwrap();
+    assert!((heading - 0.2f64.to_radians()).abs() < 1e-12, "{heading}");
+}
+
+/// Radar at rest with exact increments, positions of 1 cm, and an inertial solution that is off by half a metre until a correction at 5 s.
+#[test]
+fn correction_of_inertial_solution_leaves_no_outliers() {
+    let times = |hz: f64| (0..(10.0 * hz) as i32).map(move |n| f64::from(n) / hz);
+    let step = |from_s: f64| Increment {
+        from_s,
+        to_s: from_s + 0.1,
+        moved_m: [0.0; 2],
+        turned_rad: 0.0,
+        covariance: DMat3::IDENTITY * 1e-8,
+    };
+    let increments: Vec<Increment> = times(10.0).map(step).collect();
+    let position = |time_s| Position {
+        time_s,
+        position_m: DVec3::ZERO,
+        sigma_m: DVec3::splat(0.01),
+        velocity_m_s: None,
+    };
+    let positions: Vec<Position> = times(1.0).map(position).collect();
+    let outliers = |sigma_m: f64| {
+        let state = |time_s: f64| {
+            let [off_m, sigma_m] = if time_s < 5.0 {
+                [0.5, sigma_m]
+            } else {
+                [0.0, 0.01]
+            };
+            Inertial {
+                time_s,
+                position_m: Some([DVec3::X * off_m, DVec3::splat(sigma_m)]),
+                velocity_m_s: None,
+                heading_rad: Some([0.0, 1e-3]),
+                roll_pitch_rad: [0.0; 2],
+            }
+        };
+        let inertial: Vec<Inertial> = times(10.0).map(state).collect();
+        let inputs = Inputs {
+            increments: &increments,
+            positions: &positions,
+            inertial: &inertial,
+        };
+        let model = Model {
+            outlier_sigmas: None,
+            ..Model::default()
+        };
+        let fused = fuse(&inputs, &model, &Silent).unwrap();
+        let outliers = fused.outliers.iter();
+        outliers
+            .filter(|one| one.of == Measured::InertialPosition)
+            .count()
+    };
+    // With a stated deviation of the same size the correction is expected; without, many states contradict the others.
+    assert_eq!(outliers(0.5), 0);
+    assert!(outliers(0.01) > 5, "{}", outliers(0.01));
 }

@@ -26,7 +26,9 @@ pub(super) fn open(
     let named = || format!("--track {source}");
     let (fixes, movers) = match source {
         TrackSource::File(path) => (track_csv::read(path).with_context(named)?, Value::Null),
-        TrackSource::Echoes | TrackSource::Fused => estimated(session, input, source, logs)?,
+        TrackSource::Echoes | TrackSource::Fused | TrackSource::Navigation => {
+            estimated(session, input, source, logs)?
+        }
     };
     let reading = session.progress("reading");
     let mut left = Options {
@@ -97,6 +99,10 @@ fn estimated(
     let channels = open_channels::<&str>(path, None, &options)?;
     let about = track_fusion::about(&channels)?;
     let attitude = Arrangement::of(&channels)?.attitude;
+    if *source == TrackSource::Navigation {
+        let alone = track_fusion::alone(session, &about, logs, attitude)?;
+        return Ok((alone, Value::Null));
+    }
     let found = match track::find(session, channels, &Settings::default()) {
         Ok(found) => found,
         // Any read error would occur again, so it is not a reason to continue.
