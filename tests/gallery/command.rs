@@ -111,6 +111,32 @@ fn reproduce_lists_items_and_rejects_unknown_ones() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
+/// The forecast at the thesis's own scale: two items have more work and memory, others do not change.
+#[test]
+fn full_scale_is_forecast_for_the_large_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let forecast = |line: &str| {
+        let ran = run(
+            folder.path(),
+            &format!("reproduce --dry-run --json --only {line}"),
+        );
+        let json: Value = serde_json::from_str(ran.succeeded()).unwrap();
+        let number = |key: &str| json[key].as_f64().unwrap();
+        [
+            number("time_s") / number("measured_s"),
+            number("memory_bytes"),
+        ]
+    };
+    for id in ["s-4-10", "s-4-11"] {
+        let ([work, bytes], [full_work, full_bytes]) =
+            (forecast(id), forecast(&format!("{id} --full")));
+        assert!(full_work > 50.0 * work && full_bytes > 10.0 * bytes, "{id}");
+    }
+    let [quick, full] = [forecast("s-2-3"), forecast("s-2-3 --full")];
+    assert!((full[0] / quick[0] - 1.0).abs() < 1e-9 && full[1] == quick[1]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 /// A browser on this machine.
 fn browser() -> Option<&'static str> {
     let works = |name: &&str| {

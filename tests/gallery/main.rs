@@ -31,6 +31,7 @@ fn assert_item(id: &str) {
         memory_bytes: MEMORY_BYTES,
         monitor: &Silent,
         gotcha: &[],
+        full: false,
     };
     let found = (item.expect("an item of this name").reproduce)(&context).unwrap();
     let tables = [

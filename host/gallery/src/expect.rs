@@ -49,7 +49,11 @@ pub fn expect(items: &[Item], folder: &Path, context: &Context) -> Result<Expect
     })?;
     let measured_s = start.elapsed().as_secs_f64();
     let missing = |item: &&Item| store::load(folder, item, &store::key(item, context)).is_none();
-    let to_make: Vec<f64> = items.iter().filter(missing).map(|item| item.work).collect();
+    let work = |item: &Item| match (context.full, item.full_work()) {
+        (true, Some(work)) => work,
+        _ => item.work,
+    };
+    let to_make: Vec<f64> = items.iter().filter(missing).map(work).collect();
     Ok(Expected {
         to_make: to_make.len(),
         there: items.len() - to_make.len(),

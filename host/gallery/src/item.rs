@@ -28,6 +28,18 @@ pub struct Item {
     pub reproduce: fn(&Context) -> Result<Finding, ItemError>,
 }
 
+impl Item {
+    /// [`Self::work`] at the thesis's own scale ([`Context::full`]); `None` for an item that is made at one scale.
+    pub fn full_work(&self) -> Option<f64> {
+        FULL.iter()
+            .find(|(id, _)| *id == self.id)
+            .map(|&(_, work)| work)
+    }
+}
+
+/// Items that are made at the thesis's own scale on request, and their work.
+const FULL: [(&str, f64); 2] = [("s-4-10", 12_000.0), ("s-4-11", 9_000.0)];
+
 /// Resources of items.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
@@ -37,6 +49,8 @@ pub struct Context<'a> {
     pub monitor: &'a dyn Monitor,
     /// GOTCHA recordings for the items that can use them; may be empty.
     pub gotcha: &'a [PathBuf],
+    /// Whether to make the items with [`Item::full_work`] at the thesis's own scale.
+    pub full: bool,
 }
 
 /// Result of an item.

@@ -37,9 +37,12 @@ struct Kept {
     pictures_crc32: Vec<String>,
 }
 
-/// Inputs of an item apart from the program version: the recordings it may use.
+/// Inputs of an item apart from the program version: its scale, and the recordings it may use.
 pub(super) fn key(item: &Item, context: &Context) -> String {
     let mut key = format!("{} {}", env!("CARGO_PKG_VERSION"), item.id);
+    if context.full && item.full_work().is_some() {
+        key.push_str(" full");
+    }
     for path in context.gotcha {
         let bytes = fs::metadata(path).map_or(0, |about| about.len());
         key.push_str(&format!(" {} {bytes}", path.display()));

@@ -26,6 +26,7 @@ const NO_FLOOR_DB: f64 = 400.0;
 fn reproduce(context: &Context) -> Result<Finding, ItemError> {
     let scenes = scenes(context)?;
     let mut finding = begun(
+        context,
         "A majority of the image lies within 0 to 200 %; bright spots of the difference lie where the image is \
          very dark. The brightest corner differs by less than a tenth of a dB.",
         "Hamming windows over frequencies and pulses, as the thesis windows; difference of magnitudes over \

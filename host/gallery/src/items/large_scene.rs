@@ -1,7 +1,8 @@
 //! Large scene in place of the thesis's real data: Schone 2020, Figs 4.7 to 4.11.
 //!
 //! The thesis shows 30,000 pulses of GOTCHA. Here a simulated scene replaces them, with sub-CPIs that span
-//! the same fraction of `sqrt(lambda R)`; GOTCHA recordings are shown too, if given.
+//! the same fraction of `sqrt(lambda R)`; at full scale ([`Context::full`]) with its pulses, band, distance and sub-CPIs, on 1 km x 1 km. GOTCHA recordings are
+//! shown too, if given.
 
 use crate::{Context, Finding, ItemError};
 use subaperture_focus::FormError;
@@ -29,14 +30,25 @@ pub(super) struct Scene {
 
 /// Simulated scene, and the recordings given.
 pub(super) fn scenes(context: &Context) -> Result<Vec<Scene>, ItemError> {
-    let text = include_str!("scenes/large.toml");
+    let (text, whole, close) = match context.full {
+        false => (
+            include_str!("scenes/large.toml"),
+            "x=-60:60.1:0.3,y=-45:45.1:0.3",
+            "x=-34:26.1:0.15,y=-32:8.1:0.15",
+        ),
+        true => (
+            include_str!("scenes/large-full.toml"),
+            "x=-500:500:0.25,y=-500:500:0.25",
+            "x=-44:36.1:0.1,y=-32:8.1:0.1",
+        ),
+    };
     let grid = |text: &str| text.parse().expect("the grid is well-formed");
     let mut scenes = vec![Scene {
         name: "simulated",
         title: "simulated scene",
         history: Box::new(record(context, &experiment("large", text)?)?),
-        grid: grid("x=-60:60.1:0.3,y=-45:45.1:0.3"),
-        close: grid("x=-34:26.1:0.15,y=-32:8.1:0.15"),
+        grid: grid(whole),
+        close: grid(close),
     }];
     if !context.gotcha.is_empty() {
         let options = Options {
@@ -64,7 +76,7 @@ pub(super) fn scale_of(image: &Image, span_db: f64) -> Scale {
 }
 
 /// Finding without checks, whose method states the scale of the scenes.
-pub(super) fn begun(thesis: &str, method: &str, scenes: &[Scene]) -> Finding {
+pub(super) fn begun(context: &Context, thesis: &str, method: &str, scenes: &[Scene]) -> Finding {
     let size = |scene: &Scene| {
         let collection = scene.history.collection();
         format!(
@@ -77,10 +89,14 @@ pub(super) fn begun(thesis: &str, method: &str, scenes: &[Scene]) -> Finding {
         )
     };
     let sizes: Vec<String> = scenes.iter().map(size).collect();
+    let scale = match context.full {
+        false => "Scaled down",
+        true => "Scale",
+    };
     Finding {
         thesis: thesis.to_owned(),
         method: format!(
-            "{method} Scaled down: {} for the thesis's 30,000 pulses of 21,232 frequencies and 400 million pixels (5.2).",
+            "{method} {scale}: {} for the thesis's 30,000 pulses of 21,232 frequencies over a swath of 5 km, and 400 million pixels (5.2).",
             sizes.join(", ")
         ),
         ..Finding::default()

@@ -51,6 +51,7 @@ struct Case {
 fn reproduce(context: &Context) -> Result<Finding, ItemError> {
     let scenes = scenes(context)?;
     let mut finding = begun(
+        context,
         "Sub-CPIs of 249 and 499 pulses cause grating lobes about the brightest corner, closer for 499. With Doppler \
          padded 16 times instead of 4 they stay where they are and are weaker.",
         "Sub-CPIs that span as much of sqrt(lambda R) as the thesis's; phases compensated to the scene's centre, as in GOTCHA, \

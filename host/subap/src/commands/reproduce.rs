@@ -17,6 +17,8 @@ use crate::{messages, text};
 /// Disk space and memory of an item, including its part of the page: the maximum of all items, rounded up.
 const ITEM_BYTES: u64 = 1 << 20;
 const ITEM_HELD_BYTES: u64 = 96 << 20;
+/// Memory of an item at the thesis's own scale.
+const FULL_HELD_BYTES: u64 = 6 << 30;
 
 /// Reproduce the items and write the page.
 pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
@@ -43,6 +45,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         memory_bytes: session.memory_bytes,
         monitor: &progress,
         gotcha: &gotcha,
+        full: typed.full,
     };
     if typed.rehearsal.dry_run {
         let ahead = ahead(session, typed, &chosen, &context)?;
@@ -102,10 +105,14 @@ fn ahead(
         expected.to_make, expected.there
     );
     let disk_bytes = expected.to_make as u64 * ITEM_BYTES;
+    let is_full = typed.full && chosen.iter().any(|item| item.full_work().is_some());
     Ok(Ahead::new(
         session,
         work,
-        ITEM_HELD_BYTES,
+        match is_full {
+            true => FULL_HELD_BYTES,
+            false => ITEM_HELD_BYTES,
+        },
         Some(expected.time),
         vec![(typed.out.clone(), disk_bytes)],
     ))
