@@ -117,8 +117,7 @@ pub(super) fn trials() -> Vec<Trial> {
                 error_db: ERROR_DB,
                 centre_m: None,
             }),
-            // The plane-wave error depends on scene size over range; no setting reduces it.
-            None,
+            Some(ERROR_DB),
         ),
     ]
 }
