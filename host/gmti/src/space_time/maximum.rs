@@ -207,7 +207,7 @@ impl SpaceTime {
     }
 
     /// Mean of the coherent statistic at the motion of a target that was removed from the samples, displaced in range and in position along the track; at least 1, its value in
-    /// clutter that is independent from sub-CPI to sub-CPI. Slow clutter stays in the cells of a target, and is coherent with itself.
+    /// clutter that is independent from sub-CPI to sub-CPI. The residual of a target near a blind velocity raises it.
     pub(super) fn clutter_level(&self, state: &State) -> f64 {
         let cell_m = self.cube.axes.path_step_m * OVERSAMPLING as f64;
         let apart = LEVEL_CELLS.into_iter().flat_map(|cells| [-cells, cells]);
