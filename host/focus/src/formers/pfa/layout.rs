@@ -267,20 +267,26 @@ impl Planned {
         }
     }
 
-    /// Fastest layout with a residual of at most `bound`, by the time that `time` gives. `None` if no layout was seen to keep it.
+    /// Fastest layout with a residual of at most `bound`, by the time that `time` gives, and that time. `self` is the undivided layout. `None` if no
+    /// layout was seen to keep the bound.
     pub(super) fn fastest(
+        &self,
         spec: &ImageSpec,
         bound: f64,
-        mut time: impl FnMut(&Layout) -> Option<f64>,
-        mut cancelled: impl FnMut() -> bool,
-    ) -> Result<Option<Self>, FormError> {
+        time: impl Fn(&Layout) -> Option<f64>,
+        cancelled: &dyn Fn() -> bool,
+    ) -> Result<Option<(f64, Self)>, FormError> {
         let num_pulses = spec.collection.pulses.len();
         // Paths of one pulse are linear in the fitted positions.
         let powers = (0..).map(|i| 1usize << i);
         let counts = powers.take_while(|&count| count < num_pulses);
         let mut best: Option<(f64, Self)> = None;
         for sub_apertures in counts.chain([num_pulses]) {
-            let Some(found) = largest_patches(spec, bound, sub_apertures, &mut cancelled)? else {
+            let undivided = match sub_apertures {
+                1 => *self,
+                _ => self.with(spec, sub_apertures, self.layout.patch),
+            };
+            let Some(found) = undivided.largest_patches(spec, bound, cancelled)? else {
                 continue;
             };
             let Some(time) = time(&found.layout) else {
@@ -295,43 +301,48 @@ impl Planned {
                 break;
             }
         }
-        Ok(best.map(|(_, found)| found))
+        Ok(best)
     }
-}
 
-/// Layout of nearly the largest patches with a residual of at most `bound`.
-fn largest_patches(
-    spec: &ImageSpec,
-    bound: f64,
-    sub_apertures: usize,
-    cancelled: &mut dyn FnMut() -> bool,
-) -> Result<Option<Planned>, FormError> {
-    let whole = Tile::place_of(spec.grid).size;
-    let mut side_m = whole.side_m(spec.grid);
-    let mut patch = whole;
-    for _ in 0..ATTEMPTS {
-        if cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        let layout = Layout {
-            patch,
-            sub_apertures,
-            centre_m: None,
-        };
-        let planned = Planned::new(spec, layout);
-        let [residual, _] = planned.residual;
-        if residual <= bound {
-            return Ok(Some(planned));
-        }
-        // Square law, with a margin of a tenth for the higher orders.
-        side_m *= (0.9 * bound / residual).sqrt().clamp(0.02, 0.9);
-        let smaller = PatchSize::from_metres(spec.grid, side_m);
-        if smaller == patch {
-            return Ok(None);
-        }
-        patch = smaller;
+    /// Layout with other sizes.
+    fn with(&self, spec: &ImageSpec, sub_apertures: usize, patch: PatchSize) -> Self {
+        Self::new(
+            spec,
+            Layout {
+                patch,
+                sub_apertures,
+                ..self.layout
+            },
+        )
     }
-    Ok(None)
+
+    /// Layout of nearly the largest patches with a residual of at most `bound`; `self` has one patch.
+    fn largest_patches(
+        self,
+        spec: &ImageSpec,
+        bound: f64,
+        cancelled: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, FormError> {
+        let mut planned = self;
+        let mut side_m = self.layout.patch.side_m(spec.grid);
+        for _ in 1..ATTEMPTS {
+            if cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            let [residual, _] = planned.residual;
+            if residual <= bound {
+                return Ok(Some(planned));
+            }
+            // Square law, with a margin of a tenth for the higher orders.
+            side_m *= (0.9 * bound / residual).sqrt().clamp(0.02, 0.9);
+            let smaller = PatchSize::from_metres(spec.grid, side_m);
+            if smaller == planned.layout.patch {
+                return Ok(None);
+            }
+            planned = self.with(spec, self.layout.sub_apertures, smaller);
+        }
+        Ok((planned.residual[0] <= bound).then_some(planned))
+    }
 }
 
 #[cfg(test)]

@@ -126,7 +126,7 @@ impl Algorithm for PolarFormat {
         };
         let divided = match keeps(&whole, taps) || self.centre_m.is_some() {
             true => None,
-            false => self.divided(spec, rounded, monitor)?,
+            false => self.divided(spec, &whole, rounded, monitor)?,
         };
         let (planned, taps) = divided.unwrap_or((whole, taps));
         let planned_db = rounding::total_db(&errors(&planned, taps));
@@ -206,6 +206,7 @@ impl PolarFormat {
     fn divided(
         &self,
         spec: &ImageSpec,
+        whole: &Planned,
         rounded: f64,
         monitor: &dyn Monitor,
     ) -> Result<Option<(Planned, usize)>, FormError> {
@@ -225,9 +226,8 @@ impl PolarFormat {
                 let rasters = layout.rasters(spec, taps).ok()?;
                 Some(cost::cost(spec, layout, &rasters).core_s())
             };
-            let found = Planned::fastest(spec, left.sqrt(), time_s, || monitor.cancelled())?;
-            if let Some(planned) = found
-                && let Some(time_s) = time_s(&planned.layout)
+            let found = whole.fastest(spec, left.sqrt(), time_s, &|| monitor.cancelled())?;
+            if let Some((time_s, planned)) = found
                 && best.as_ref().is_none_or(|(least_s, _)| time_s < *least_s)
             {
                 best = Some((time_s, (planned, taps)));
