@@ -14,6 +14,7 @@ mod schone_gmti;
 mod schone_points;
 mod schone_scenes;
 mod sub_cpis;
+mod unfinished;
 
 use std::collections::BTreeSet;
 
@@ -32,6 +33,7 @@ fn assert_item(id: &str) {
         monitor: &Silent,
         gotcha: &[],
         full: false,
+        unfinished: None,
     };
     let found = (item.expect("an item of this name").reproduce)(&context).unwrap();
     let tables = [

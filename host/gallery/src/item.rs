@@ -1,10 +1,11 @@
 //! Items of the gallery and their findings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use subaperture_focus::FormError;
 use subaperture_gmti::GmtiError;
+use subaperture_io::atomic::WriteError;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
 use subaperture_motion::targets::TargetsError;
@@ -51,6 +52,8 @@ pub struct Context<'a> {
     pub gotcha: &'a [PathBuf],
     /// Whether to make the items with [`Item::full_work`] at the thesis's own scale.
     pub full: bool,
+    /// Folder that keeps the images of an unfinished item, so that an interrupted run reuses them; `None` keeps no image.
+    pub unfinished: Option<&'a Path>,
 }
 
 /// Result of an item.
@@ -186,6 +189,9 @@ pub enum ItemError {
     // Not transparent, as above.
     #[error("{0}")]
     Targets(#[from] TargetsError),
+    /// An image of an unfinished item could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
     /// Images could not be compared.
     #[error(transparent)]
     Pair(#[from] PairError),

@@ -16,7 +16,8 @@
 //! | `ID-NAME.png` | picture of an item |
 //!
 //! An item already present, computed by the same version from the same inputs, is reused:
-//! an interrupted run resumes. The page is rewritten after every item.
+//! an interrupted run resumes. Within an item at the thesis's own scale it resumes after the last finished image, kept as
+//! `unfinished-CRC.npy` until the item is finished. The page is rewritten after every item.
 #![forbid(unsafe_code)]
 
 mod expect;
@@ -24,6 +25,7 @@ mod item;
 mod items;
 mod page;
 mod store;
+mod unfinished;
 
 use std::path::Path;
 
@@ -87,12 +89,17 @@ pub fn run(
         let (finding, stored) = match store::load(folder, item, &key) {
             Some(loaded) => loaded,
             None => {
-                let made = (item.reproduce)(context);
+                let unfinished = context.unfinished.filter(|_| item.full_work().is_some());
+                let made = (item.reproduce)(&Context {
+                    unfinished,
+                    ..*context
+                });
                 let finding = made.map_err(|source| RunError::Item {
                     id: item.id,
                     source,
                 })?;
                 let stored = store::save(folder, item, &key, &finding)?;
+                unfinished.map(unfinished::clear);
                 (finding, stored)
             }
         };

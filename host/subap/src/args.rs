@@ -591,7 +591,7 @@ pub(crate) struct Reproduce {
     pub(crate) gotcha: Vec<PathBuf>,
 
     /// Make the items on the large scene (s-4-10, s-4-11) at the thesis's own scale: 30,000 pulses and 1 km x 1 km, with about 6 GB
-    /// of memory
+    /// of memory. An interrupted run resumes after the last finished image
     #[arg(long)]
     pub(crate) full: bool,
 

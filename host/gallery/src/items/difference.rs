@@ -1,6 +1,6 @@
 //! Difference of two backprojection methods: Schone 2020, Figs 4.7, 4.8 and 4.10.
 
-use super::forming::{backprojection, form_weighted, side_by_side_at, thesis};
+use super::forming::{backprojection, form_large, side_by_side_at, thesis};
 use super::large_scene::{Scene, begun, scale_of, scenes, sub_cpi};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_model::image::{Image, power};
@@ -48,7 +48,7 @@ fn examine(
     let (history, grid) = (scene.history.as_ref(), &scene.grid);
     let length = sub_cpi(scene, THESIS_SUB_CPI)?;
     let by = |index, former: &dyn subaperture_focus::ImageFormer| {
-        form_weighted(
+        form_large(
             context,
             [first + index, count],
             history,

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use num_complex::{Complex32, Complex64};
 
-use crate::{Context, ItemError, Picture};
+use crate::{Context, ItemError, Picture, unfinished};
 use subaperture_focus::bp::Backprojection;
 use subaperture_focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture_focus::{FormError, ImageFormer, Task};
@@ -206,6 +206,28 @@ pub(super) fn form_weighted(
     };
     // The theses' methods are shown with their errors.
     Ok(former.form_best(&task)?.image)
+}
+
+/// [`form_weighted`] of a large image, reused from and kept in [`Context::unfinished`].
+pub(crate) fn form_large(
+    context: &Context,
+    place: [usize; 2],
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    former: &dyn ImageFormer,
+    window: Window,
+) -> Result<Image, ItemError> {
+    let kept = context
+        .unfinished
+        .map(|folder| unfinished::path(folder, history.collection(), grid, former, window));
+    if let Some(image) = kept.as_ref().and_then(|path| unfinished::load(path, grid)) {
+        return Ok(image);
+    }
+    let image = form_weighted(context, place, history, grid, former, window)?;
+    if let Some(path) = &kept {
+        unfinished::save(path, &image)?;
+    }
+    Ok(image)
 }
 
 /// Images side by side, upper level at a unit scatterer.

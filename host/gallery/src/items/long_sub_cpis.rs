@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::forming::{backprojection, form_weighted, pixel_at, side_by_side_at, thesis_with};
+use super::forming::{backprojection, form_large, pixel_at, side_by_side_at, thesis_with};
 use super::large_scene::{Scene, begun, scale_of, scenes, sub_cpi};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_focus::ImageFormer;
@@ -73,7 +73,7 @@ fn examine(
 ) -> Result<(), ItemError> {
     let (history, grid) = (scene.history.as_ref(), &scene.close);
     let by = |place, former: &dyn ImageFormer| {
-        form_weighted(
+        form_large(
             context,
             [place, count],
             history,

@@ -46,6 +46,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         monitor: &progress,
         gotcha: &gotcha,
         full: typed.full,
+        unfinished: typed.full.then_some(&typed.out),
     };
     if typed.rehearsal.dry_run {
         let ahead = ahead(session, typed, &chosen, &context)?;
