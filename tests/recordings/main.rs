@@ -15,6 +15,7 @@ mod l0b;
 mod novatel;
 mod orbit;
 mod positions;
+mod scanner_steps;
 mod stored_defects;
 mod touchstone;
 mod tune_certainty;
