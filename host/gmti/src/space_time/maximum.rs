@@ -7,12 +7,9 @@ use super::clean::Echo;
 use super::cube::OVERSAMPLING;
 use super::geometry::{Motion, Place};
 use super::maps::{Local, SpaceTime};
-use super::state::{FINE, State};
+use super::state::State;
 use super::statistic::{Integrated, Snapshot};
 use crate::motion::axes;
-
-/// Standard deviation of the path of a target by the errors of the maps, resolution cells.
-const PATH_DEVIATION: f64 = 0.003;
 
 /// Smallest step of a single parameter, relative to a fine step.
 const LEAST_STEP: f64 = 1.0 / 16.0;
@@ -20,6 +17,9 @@ const LEAST_STEP: f64 = 1.0 / 16.0;
 /// Distances from a target at which the clutter is measured: range cells, and resolutions of the aperture in Doppler.
 const LEVEL_CELLS: [f64; 6] = [1.5, 3.0, 4.5, 6.0, 7.5, 9.0];
 const LEVEL_SLOPES: [f64; 3] = [-2.0, 0.0, 2.0];
+
+/// Fewest neighbouring places that measure the errors of a target.
+const LEAST_NEIGHBOURS: f64 = 12.0;
 
 /// Largest number of steps of Newton's method.
 const NEWTON_STEPS: usize = 12;
@@ -206,15 +206,65 @@ impl SpaceTime {
         })
     }
 
+    /// Derivatives of the coherent statistic in units of `steps`, by central differences. `None` where a nearby state has no place.
+    fn slope(&self, state: &State, steps: &[f64; 4], local: &Local) -> Option<[f64; 4]> {
+        let mut slope = [0.0; 4];
+        for (i, slope) in slope.iter_mut().enumerate() {
+            let [above, below] = [steps[i], -steps[i]].map(|by| {
+                let motion = self.motion(&state.moved(i, by))?;
+                Some(self.integrate_with(&motion, local).coherent)
+            });
+            *slope = (above? - below?) / 2.0;
+        }
+        Some(slope)
+    }
+
+    /// States of a target's motion in neighbouring places, displaced in range and in position along the track.
+    fn neighbours(&self, state: &State) -> impl Iterator<Item = State> + use<'_> {
+        let cell_m = self.cube.axes.path_step_m * OVERSAMPLING as f64;
+        let state = *state;
+        let apart = LEVEL_CELLS.into_iter().flat_map(|cells| [-cells, cells]);
+        let places = apart.flat_map(|range| LEVEL_SLOPES.map(|slope| (range, slope)));
+        places.map(move |(range, slope)| {
+            let state = state.moved(0, range * cell_m);
+            state.moved(1, slope * self.fine_slope())
+        })
+    }
+
+    /// Ratios of the RMS errors of the parameters to the Cramer-Rao bound, at least 1. The echo of a target that was removed from the samples is added in neighbouring places, and the step from its
+    /// motion to the maximum of the statistic there is its error by the clutter of that place. `None` with fewer than [`LEAST_NEIGHBOURS`].
+    pub(super) fn error_ratios(&self, state: &State, echo: &Echo) -> Option<[f64; 4]> {
+        let local = self.local(state, Some(echo))?;
+        let curve = self.curve(state, &local)?;
+        let information = curve.factor(0.0)?;
+        let (mut sums, mut count) = ([0.0; 4], 0.0);
+        for state in self.neighbours(state) {
+            let Some(motion) = self.motion(&state) else {
+                continue;
+            };
+            let echo = Echo { motion, ..*echo };
+            let slope = self
+                .local(&state, Some(&echo))
+                .and_then(|local| self.slope(&state, &curve.steps, &local));
+            if let Some(mut step) = slope {
+                information.solve(&mut step);
+                sums.iter_mut()
+                    .zip(step)
+                    .for_each(|(sum, step)| *sum += step * step);
+                count += 1.0;
+            }
+        }
+        if count < LEAST_NEIGHBOURS {
+            return None;
+        }
+        let bound = information.inverse();
+        Some([0, 1, 2, 3].map(|i| (sums[i] / count / bound[5 * i]).sqrt().max(1.0)))
+    }
+
     /// Mean of the coherent statistic at the motion of a target that was removed from the samples, displaced in range and in position along the track; at least 1, its value in
     /// clutter that is independent from sub-CPI to sub-CPI. The residual of a target near a blind velocity raises it.
     pub(super) fn clutter_level(&self, state: &State) -> f64 {
-        let cell_m = self.cube.axes.path_step_m * OVERSAMPLING as f64;
-        let apart = LEVEL_CELLS.into_iter().flat_map(|cells| [-cells, cells]);
-        let places = apart.flat_map(|range| LEVEL_SLOPES.map(|slope| (range, slope)));
-        let levels = places.filter_map(|(range, slope)| {
-            let state = state.moved(0, range * cell_m);
-            let state = state.moved(1, slope * self.fine_slope());
+        let levels = self.neighbours(state).filter_map(|state| {
             let integrated = self.integrate(&self.motion(&state)?);
             (2 * integrated.sub_cpis > self.cube.sub_cpis.len()).then_some(integrated.coherent)
         });
@@ -222,26 +272,25 @@ impl SpaceTime {
         (levels.iter().sum::<f64>() / levels.len().max(1) as f64).max(1.0)
     }
 
-    /// Target of a maximum, with the covariance by the curvature of the statistic and the level of the clutter.
+    /// Target of a maximum, with the covariance by the curvature of the statistic and the `ratios` of the standard deviations of the parameters to it.
     pub(super) fn mover(
         &self,
         state: &State,
         integrated: Integrated,
-        (echo, level): (Option<&Echo>, f64),
+        (echo, ratios): (Option<&Echo>, [f64; 4]),
     ) -> Option<Mover> {
         let motion = self.motion(state)?;
         let local = self.local(state, echo)?;
         let curve = self.curve(state, &local)?;
         let (steps, information) = (curve.steps, curve.factor(0.0)?);
-        let mut errors: Vec<[f64; 4]> = (0..4)
+        let errors: Vec<[f64; 4]> = (0..4)
             .map(|i| {
                 let mut column = [0.0; 4];
-                column[i] = level;
+                column[i] = 1.0;
                 information.solve(&mut column);
-                column
+                [0, 1, 2, 3].map(|j| column[j] * ratios[i] * ratios[j])
             })
             .collect();
-        errors[0][0] += (PATH_DEVIATION * FINE / (steps[0] / self.steps()[0])).powi(2);
         let plane = [self.grid.x_axis, self.grid.y_axis];
         let values = |motion: &Motion| {
             let place = plane.map(|axis| motion.position_m.dot(axis));
