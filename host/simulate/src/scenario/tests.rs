@@ -18,17 +18,18 @@ fn variants(section: &Section) -> &'static [&'static str] {
     }
 }
 
-/// Mutually exclusive keys: the second is used where the first is absent.
-const EITHER: &[(&str, &str, &str)] = &[
-    ("radar", "pri", "prf"),
-    ("radar.pulse", "code", "phases"),
-    ("scene", "reference", "reference_range"),
-    ("scene.clutter", "density", "count"),
+/// Mutually exclusive keys.
+const EITHER: &[(&str, &[&str])] = &[
+    ("radar", &["pri", "prf"]),
+    ("radar.pulse", &["code", "phases"]),
+    ("scene", &["reference", "reference_range"]),
+    ("scene.clutter", &["density", "count"]),
+    ("scene.clutter", &["sigma0", "gamma", "cover"]),
 ];
 
-/// Write a section as text with the selector at `variant`. With `all`, every key is written, and the second of each
-/// exclusive pair if `second`; otherwise the required keys and the first of each pair.
-fn write_section(text: &mut String, section: &Section, variant: &str, all: bool, second: bool) {
+/// Write a section as text with the selector at `variant`. With `all`, every key is written, otherwise the required keys; of exclusive keys that
+/// with the number `choice`, or the last.
+fn write_section(text: &mut String, section: &Section, variant: &str, all: bool, choice: usize) {
     if !section.path.is_empty() {
         let _ = writeln!(text, "{}", section.header());
     }
@@ -36,11 +37,11 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
         if !key.when.is_empty() && !key.when.contains(&variant) {
             continue;
         }
-        let pair = EITHER
+        let either = EITHER
             .iter()
-            .find(|(path, a, b)| *path == section.path && [*a, *b].contains(&key.name));
-        let wanted = match pair {
-            Some((_, first, _)) => (key.name == *first) != second,
+            .find(|(path, names)| *path == section.path && names.contains(&key.name));
+        let wanted = match either {
+            Some((_, names)) => names[choice.min(names.len() - 1)] == key.name,
             None => all || matches!(key.need, Requirement::Required(_)),
         };
         if key.name == section.selector {
@@ -52,27 +53,38 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
 }
 
 /// Scenario with `section` at `variant`, and the required part of all other sections.
-fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> String {
+fn scenario_with(section: &Section, variant: &str, all: bool, choice: usize) -> String {
     let mut text = String::new();
     for other in &SCHEMA.sections {
         if std::ptr::eq(other, section) {
-            write_section(&mut text, section, variant, all, second);
+            write_section(&mut text, section, variant, all, choice);
         } else if other.path == "radar" {
             let kind = if section.path == "radar.pulse" {
                 "pulsed"
             } else {
                 "ideal"
             };
-            write_section(&mut text, other, kind, false, false);
+            write_section(&mut text, other, kind, false, 0);
         } else if other.path == "radar.pulse" {
             if section.path == "radar" && variant == "pulsed" {
-                write_section(&mut text, other, "lfm", false, false);
+                write_section(&mut text, other, "lfm", false, 0);
             }
         } else if other.presence == Presence::Always {
-            write_section(&mut text, other, variants(other)[0], false, false);
+            write_section(&mut text, other, variants(other)[0], false, 0);
         }
     }
     text
+}
+
+/// NumPy array of 2 x 3 heights: 0, 1, 2 / 10, 11, 12.
+fn heights() -> Vec<u8> {
+    let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }";
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    for height in [0.0, 1.0, 2.0, 10.0, 11.0, 12.0f64] {
+        bytes.extend(height.to_le_bytes());
+    }
+    bytes
 }
 
 /// Folder with the files named by the examples of keys.
@@ -86,12 +98,15 @@ fn files() -> tempfile::TempDir {
     )
     .unwrap();
     // Two by two grey pixels.
-    let file = std::fs::File::create(folder.path().join("picture.png")).unwrap();
-    let mut png = png::Encoder::new(file, 2, 2);
-    png.set_color(png::ColorType::Grayscale);
-    png.set_depth(png::BitDepth::Eight);
-    let mut png = png.write_header().unwrap();
-    png.write_image_data(&[0, 85, 170, 255]).unwrap();
+    for name in ["picture.png", "cover.png"] {
+        let file = std::fs::File::create(folder.path().join(name)).unwrap();
+        let mut png = png::Encoder::new(file, 2, 2);
+        png.set_color(png::ColorType::Grayscale);
+        png.set_depth(png::BitDepth::Eight);
+        let mut png = png.write_header().unwrap();
+        png.write_image_data(&[0, 85, 170, 255]).unwrap();
+    }
+    std::fs::write(folder.path().join("heights.npy"), heights()).unwrap();
     folder
 }
 
@@ -103,11 +118,19 @@ fn every_key_is_accepted_and_read() {
     let mut seen = BTreeSet::new();
     for section in &SCHEMA.sections {
         for variant in variants(section) {
-            for (all, second) in [(false, false), (true, false), (true, true)] {
-                let mut text = scenario_with(section, variant, all, second);
+            for (all, choice) in [(false, 0), (true, 0), (true, 1), (true, 2)] {
+                let mut text = scenario_with(section, variant, all, choice);
                 // The beat frequency of a distant scene exceeds half the sample rate.
                 if *variant == "fmcw" {
                     text = text.replace("0, -5, 3 km", "0, -50, 3 m");
+                }
+                // Terrain has the extent of the scene.
+                if section.path.starts_with("scene.terrain") {
+                    text = text.replacen(
+                        "[scene]\n",
+                        "[scene]\nx = \"-9, 9 m\"\ny = \"-9, 9 m\"\n",
+                        1,
+                    );
                 }
                 if section.path == "log" {
                     text = format!("collection_start = \"2017-05-04T14:00:00Z\"\n{text}");
