@@ -114,6 +114,9 @@ fn in_rows(
 impl Lattice {
     /// Make tables for `views` if they fit into `memory_bytes` and are worth it.
     pub(super) fn new(scene: &Scene, views: &[View], memory_bytes: u64) -> Option<Lattice> {
+        if !scene.is_open() {
+            return None;
+        }
         let (first, last) = (views.first()?, views.last()?);
         let pose = first.body.pose(first.time_s);
         let travel_m = last.body.pose(last.time_s).position_m - pose.position_m;
@@ -150,7 +153,7 @@ impl Lattice {
             last,
             rows: Vec::new(),
         };
-        if !scene.is_open() || !views.iter().all(|view| lattice.shift(view).is_some()) {
+        if !views.iter().all(|view| lattice.shift(view).is_some()) {
             return None;
         }
         lattice.rows = rows

@@ -86,10 +86,15 @@ impl<'a> Engine<'a> {
     /// pulses, this equals [`Self::new`].
     pub fn for_track(scene: &'a Scene, method: Method, views: &[View], memory_bytes: u64) -> Self {
         let mut engine = Self::new(scene, method);
-        if method == Method::Fast {
-            engine.lattice = Lattice::new(scene, views, memory_bytes);
-        }
+        engine.prepare(views, memory_bytes);
         engine
+    }
+
+    /// Prepare tables for the pulses `views`, as [`Self::for_track`].
+    pub fn prepare(&mut self, views: &[View], memory_bytes: u64) {
+        if self.method == Method::Fast {
+            self.lattice = Lattice::new(self.scene, views, memory_bytes);
+        }
     }
 
     /// Memory held in addition to the scene, bytes.

@@ -84,6 +84,9 @@ impl Content<'_> {
             let moving = motion.of(&points, seed, index);
             let moving = made(&keys.velocity_spread_m_s, moving)?;
             self.scene.moving_points.extend(moving);
+        } else if self.scene.points.is_empty() {
+            // Two copies of many points would take as much memory again.
+            self.scene.points = points;
         } else {
             self.scene.points.extend(points);
         }

@@ -6,9 +6,7 @@ use glam::DVec2;
 use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
 use subaperture_io::npy;
-use subaperture_maps::terrain::{Geoid, Ground, Region, Surface, relief};
-use subaperture_model::geometry::{Axis, Extent, ImageGrid, Relief};
-use subaperture_model::monitor::Silent;
+use subaperture_model::geometry::{Axis, Extent, Relief};
 
 use super::around::Around;
 use super::scene_keys::{HillKeys, RidgeKeys, SceneKeys, TerrainKeys, TerrainSource};
@@ -101,6 +99,7 @@ fn array(path: &Path, extent: &Extent) -> Result<Relief, String> {
 }
 
 /// Heights of an elevation model over the plane `z = 0`.
+#[cfg(feature = "elevation-models")]
 fn model(
     path: &Path,
     extent: &Extent,
@@ -108,6 +107,10 @@ fn model(
     around: &Around,
     memory_bytes: u64,
 ) -> Result<Relief, String> {
+    use subaperture_maps::terrain::{Geoid, Ground, Region, Surface, relief};
+    use subaperture_model::geometry::ImageGrid;
+    use subaperture_model::monitor::Silent;
+
     let axis = |(start, end): (f64, f64)| {
         let count = ((end - start) / *keys.spacing_m).ceil().clamp(1.0, 1e6) + 1.0;
         Axis {
@@ -127,6 +130,21 @@ fn model(
     let region = Region::of(&plane, around.frame).map_err(|e| e.to_string())?;
     let ground = Ground::open(path, &geoid, &region, memory_bytes).map_err(|e| e.to_string())?;
     relief(&plane, around.frame, Surface::Ground(&ground), &Silent).map_err(|e| e.to_string())
+}
+
+/// Refuse an elevation model: the readers are not in this build.
+#[cfg(not(feature = "elevation-models"))]
+fn model(
+    path: &Path,
+    _extent: &Extent,
+    _keys: &TerrainKeys,
+    _around: &Around,
+    _memory_bytes: u64,
+) -> Result<Relief, String> {
+    Err(format!(
+        "{}: this program is built without readers of elevation models: expected a NumPy array of heights (.npy)",
+        path.display()
+    ))
 }
 
 impl HillKeys {

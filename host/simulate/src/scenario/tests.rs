@@ -295,6 +295,124 @@ fn refuse(changes: &[(&str, &str)], line: usize, column: usize, part: &str) {
     );
 }
 
+/// Scenario with a scene in front of the valid one, in which the sections of `scene` begin at line 1.
+fn with_scene(scene: &str) -> Result<crate::scene::Scene, ScenarioError> {
+    let folder = files();
+    let text = format!("{scene}\n{SOUND}");
+    let built = Scenario::new("a.toml", &text, folder.path()).experiment();
+    built.map(|experiment| experiment.scene)
+}
+
+#[test]
+fn objects_stand_on_the_terrain_of_an_array() {
+    // Heights rise by 1 m over 10 m of x and by 10 m over 20 m of y: h = (x + 10) / 10 + (y + 10) / 2.
+    let scene = with_scene(
+        r#"
+        [scene]
+        x = "-10, 10 m"
+        y = "-10, 10 m"
+        [scene.terrain]
+        kind = "file"
+        file = "heights.npy"
+        [[scene.building]]
+        position = "2, 4, 0.5 m"
+        size = "2, 2, 2 m"
+        spacing = "1 m"
+        [[scene.tree]]
+        position = "-3, 1, 0 m"
+        attenuation = "1 dB"
+        [[scene.vehicle]]
+        position = "0, 0, 0 m"
+        [[scene.point]]
+        position = "1, 1, 7 m"
+        "#,
+    )
+    .unwrap();
+    let height_m = |x: f64, y: f64| (x + 10.0) / 10.0 + (y + 10.0) / 2.0;
+    // A foot, half a metre above the ground, and the box's centre a metre above it.
+    assert!((scene.blocks[0].centre_m.z - (height_m(2.0, 4.0) + 1.5)).abs() < 1e-3);
+    assert!((scene.blocks[1].centre_m.z - (height_m(0.0, 0.0) + 0.75)).abs() < 1e-3);
+    assert!((scene.canopies[0].centre_m.z - (height_m(-3.0, 1.0) + 5.0)).abs() < 1e-3);
+    assert_eq!(scene.points[0].position_m.z, 7.0);
+    // Ground that rises away from the radar hides nothing.
+    assert!(scene.terrain_shadow.is_none());
+}
+
+#[test]
+fn map_divides_clutter_into_classes() {
+    // Two by two pixels of the grey levels 0, 85 / 170, 255, the top row at the larger y.
+    let patch = |value: u32| {
+        let scene = with_scene(&format!(
+            r#"
+            [[scene.clutter]]
+            x = "0, 10 m"
+            y = "0, 10 m"
+            count = 400
+            gamma = "-10 dB"
+            map = "cover.png"
+            map_value = {value}
+            "#
+        ));
+        scene.unwrap().points
+    };
+    let upper_right = patch(85);
+    assert!(
+        (60..140).contains(&upper_right.len()),
+        "{}",
+        upper_right.len()
+    );
+    let inside = |p: &crate::Scatterer| p.position_m.x >= 5.0 && p.position_m.y >= 5.0;
+    assert!(upper_right.iter().all(inside));
+    assert_eq!(
+        patch(0).len() + patch(85).len() + patch(170).len() + patch(255).len(),
+        400
+    );
+    assert!(patch(7).is_empty());
+}
+
+#[test]
+fn impossible_scenes_are_refused_with_advice() {
+    let clutter = |keys: &str| {
+        format!("[[scene.clutter]]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\ncount = 9\n{keys}")
+    };
+    let terrain = |keys: &str| {
+        format!(
+            "[scene]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\n[scene.terrain]\nkind = \"file\"\nfile = \"{keys}\""
+        )
+    };
+    for (scene, part) in [
+        (clutter(""), "needs 'sigma0', 'gamma' or 'cover'"),
+        (
+            clutter("sigma0 = \"0 dB\"\ngamma = \"0 dB\""),
+            "expected one of sigma0, gamma and cover",
+        ),
+        (clutter("cover = \"shrubs\""), "choose a class by gamma"),
+        (clutter("sigma0 = \"0 dB\"\nmap = \"no.png\""), "no.png"),
+        (terrain("no.npy"), "no.npy"),
+        (
+            terrain("picture.png"),
+            "give latitude and longitude of [scene.origin]",
+        ),
+        (terrain("heights.npy\"\nspacing = \"-1 m"), "positive"),
+        ("[scene.terrain]\nslope_x = 0.1".to_owned(), "no extent"),
+        (
+            "[scene]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\n[scene.terrain]\nslope_x = 1e300".to_owned(),
+            "height at node",
+        ),
+        (
+            "[[scene.vehicle]]\nposition = \"0, 0, 0 m\"\nsize = \"4, 0, 1 m\"".to_owned(),
+            "vehicle",
+        ),
+        (
+            "[[scene.tree]]\nposition = \"0, 0, 0 m\"\nheight = \"1 m\"".to_owned(),
+            "crown",
+        ),
+    ] {
+        let error = with_scene(&scene).unwrap_err().to_string();
+        assert!(error.contains(part), "{scene}: {error}");
+    }
+}
+
 #[test]
 fn inconsistent_scenarios_are_refused_at_line_and_column() {
     assert!(Scenario::new("a.toml", SOUND, ".").experiment().is_ok());

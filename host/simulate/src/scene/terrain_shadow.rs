@@ -37,6 +37,9 @@ pub const MAX_MAPS: usize = 64;
 /// Number of positions at which the movement of the radar is examined.
 const EXAMINED: usize = 128;
 
+/// Largest number of samples of all rays: 64 MiB. Only terrain of very unequal sides, or spacings of nodes, has longer steps for it.
+const MOST_SAMPLES: f64 = (1u64 << 24) as f64;
+
 /// Slope before the first sample of a ray.
 const OPEN: f64 = -1e9;
 
@@ -206,7 +209,7 @@ impl Rays {
             high,
             DVec2::new(low.x, high.y),
         ];
-        let step_m = 0.5 * rows.step.min(columns.step);
+        let mut step_m = 0.5 * rows.step.min(columns.step);
         let far_m = corners
             .iter()
             .map(|c| c.distance(antenna))
@@ -220,15 +223,22 @@ impl Rays {
             true => (least, most),
             false => (-std::f64::consts::PI, std::f64::consts::PI),
         };
-        let count = ((to_rad - from_rad) * far_m / step_m).ceil() as usize + 2;
+        let counts = |step_m: f64| {
+            let lengths = [(to_rad - from_rad) * far_m, far_m - near_m];
+            lengths.map(|length_m| (length_m / step_m).ceil() + 2.0)
+        };
+        while counts(step_m).iter().product::<f64>() > MOST_SAMPLES {
+            step_m *= 1.5;
+        }
+        let [count, samples] = counts(step_m).map(|count| count as usize);
         Self {
             ahead,
             from_rad,
-            step_rad: (to_rad - from_rad) / (count - 1) as f64,
-            count,
+            step_rad: (to_rad - from_rad) / (count.max(2) - 1) as f64,
+            count: count.max(2),
             near_m,
             step_m,
-            samples: ((far_m - near_m) / step_m).ceil() as usize + 2,
+            samples: samples.max(1),
         }
     }
 
@@ -435,6 +445,13 @@ mod tests {
         let behind = DVec3::new(0.0, -5.0, 0.0);
         assert!(shadow.at(0.75).hides(behind), "from the south");
         assert!(!shadow.at(0.25).hides(behind), "from the north");
+        // A strip of 1000 m x 1 cm, seen from the middle of its side, takes longer steps instead of memory.
+        let strip = Extent {
+            x_m: (-500.0, 500.0),
+            y_m: (-0.005, 0.005),
+        };
+        let strip = Terrain::sample("a strip", &strip, 0.01, |at| at.x.abs()).unwrap();
+        assert!(TerrainShadow::new(&strip, &Circle, (0.0, 1.0), u64::MAX).is_some());
         let within = TerrainShadow::new(&wall, &Circle, (0.0, 1.0), 4 * 161 * 161 * 9).unwrap();
         assert_eq!(within.held_bytes(), 9 * 161 * 161 * 4);
     }
