@@ -183,7 +183,7 @@ fn focus(scenario: &str, grid: &str) -> (Image, ImageGrid) {
     let window = Window::default();
     let former = Backprojection::default().error_db(-40.0);
     let focused = Focusing::new(&recording, &grid)
-        .windows(window.clone(), window)
+        .windows(window, window)
         .by(&former)
         .unwrap();
     (focused.image, grid)

@@ -6,7 +6,7 @@
 //!
 //! with the antenna amplitudes `A` towards the scatterer, the one-way ranges `R`, `R0^2` the product of both ranges to
 //! the reference point at the middle pulse (number `P/2` of `P`, from 0), and the visibility `V`, 0 if a block or the terrain lies
-//! between the scatterer and either antenna, otherwise the transmission of the foliage on both ways. All are evaluated at one time, that of the pulse or, with intra-pulse
+//! between the scatterer and either antenna, otherwise the transmission of the foliage between it and both antennas. All are evaluated at one time, that of the pulse or, with intra-pulse
 //! motion, the middle of the sweep. The change within a sweep is neglected, `v T / R` relative to the beamwidth (1e-4
 //! for 125 m/s, 1 ms and 1 km). Corner reflectors are evaluated at the wavelength of the band's centre and, for
 //! bistatic antennas, along the bisector; so are facets.
@@ -43,7 +43,7 @@ impl<'a> Illumination<'a> {
         }
     }
 
-    /// Antennas without obstacles.
+    /// Antennas of a scene without obstacles.
     pub(super) fn open(view: &'a View<'a>) -> Self {
         let pose = view.body.pose(view.middle_s());
         let sweep = &view.sweep;

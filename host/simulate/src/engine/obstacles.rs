@@ -66,7 +66,7 @@ impl Obstacles {
         [transmitter_m, receiver_m]: [DVec3; 2],
         point_m: DVec3,
     ) -> f64 {
-        let one_way = |antenna_m: DVec3| {
+        let once = |antenna_m: DVec3| {
             if hidden(&self.blocks, antenna_m, point_m) {
                 return 0.0;
             }
@@ -75,11 +75,11 @@ impl Obstacles {
                 .map(|canopy| canopy.transmission(antenna_m, point_m))
                 .product::<f64>()
         };
-        let out = one_way(transmitter_m);
+        let out = once(transmitter_m);
         match transmitter_m == receiver_m {
             true => out * out,
             false if out == 0.0 => 0.0,
-            false => out * one_way(receiver_m),
+            false => out * once(receiver_m),
         }
     }
 }

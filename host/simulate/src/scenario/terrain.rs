@@ -48,7 +48,7 @@ pub(super) fn build(
                 ),
                 false => model(&path, &extent, keys, around, memory_bytes / 4),
             };
-            Some(read.map_err(|what| own.file.fault(what))?)
+            Some(read.map_err(|error| own.file.fault(error))?)
         }
     };
     let extent = extent(scene, keys)?;

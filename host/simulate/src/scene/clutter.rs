@@ -326,7 +326,7 @@ mod tests {
             let off = p.position_m.z - (2.0 + 0.75 * p.position_m.y);
             assert!(off.abs() < 2e-4, "{off}");
         }
-        // A slope away from the radar steeper than its line of sight reflects nothing back.
+        // A slope away from the radar, steeper than its line of sight, is dark.
         let away = Ground {
             radar_m: DVec3::new(0.0, 2e6, 1e6),
             ..ground

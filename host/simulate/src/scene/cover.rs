@@ -19,7 +19,7 @@
 //!
 //! Ground beyond 90 degrees, on slopes away from the radar, has no backscatter.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use subaperture_describe::declare::Choice;
 use subaperture_model::quantity::hertz;
@@ -28,22 +28,22 @@ use subaperture_model::units::power_of_db;
 use super::SceneError;
 
 /// Largest angle of the handbook's data, radians.
-const MEASURED_RAD: f64 = 70.0 / 180.0 * std::f64::consts::PI;
+const MEASURED_RAD: f64 = 70.0 / 180.0 * PI;
 
 /// Class of land cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Cover {
-    /// Soil and rock.
+    /// Soil and rock, from the handbook.
     Soil,
-    /// Grass.
+    /// Grass, from the handbook.
     Grass,
     /// Short vegetation: crops and meadows.
     ShortVegetation,
-    /// Shrubs.
+    /// Shrubs, from the handbook.
     Shrubs,
-    /// Dry snow.
+    /// Dry snow, from the handbook.
     DrySnow,
-    /// Wet snow.
+    /// Wet snow, from the handbook.
     WetSnow,
     /// Flat land without vegetation, by constant gamma.
     Flatland,
@@ -62,12 +62,12 @@ pub enum Cover {
 /// Polarisations of transmission and reception.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Polarisation {
-    /// Horizontal, received horizontally.
+    /// Horizontal for transmission and reception.
     #[default]
     Hh,
-    /// Horizontal and vertical.
+    /// Horizontal for one, vertical for the other.
     Hv,
-    /// Vertical, received vertically.
+    /// Vertical for transmission and reception.
     Vv,
 }
 
@@ -162,13 +162,13 @@ const BANDS: [[f64; 2]; 4] = [[1e9, 2e9], [2e9, 4e9], [4e9, 8e9], [8e9, 12e9]];
 /// Fit of one class, band and polarisation.
 struct Fit {
     cover: Cover,
-    /// Index into [`BANDS`].
+    /// Index of the band into [`BANDS`].
     band: usize,
     polarisation: Polarisation,
     parameters: [f64; 6],
 }
 
-/// Parameters of the fits.
+/// Parameters of the fits; phases of 3.142 are pi.
 const FITS: [Fit; 51] = [
     fit(
         Cover::Soil,
@@ -186,7 +186,7 @@ const FITS: [Fit; 51] = [
         Cover::Soil,
         1,
         Polarisation::Hh,
-        [-91.2, 99.0, 0.433, 5.063, 2.941, -3.142],
+        [-91.2, 99.0, 0.433, 5.063, 2.941, -PI],
     ),
     fit(
         Cover::Soil,
@@ -258,13 +258,13 @@ const FITS: [Fit; 51] = [
         Cover::Grass,
         2,
         Polarisation::Hh,
-        [-15.75, 17.931, 2.369, -1.502, 4.592, -3.142],
+        [-15.75, 17.931, 2.369, -1.502, 4.592, -PI],
     ),
     fit(
         Cover::Grass,
         2,
         Polarisation::Hv,
-        [-23.109, 13.591, 1.508, -0.757, 4.491, -3.142],
+        [-23.109, 13.591, 1.508, -0.757, 4.491, -PI],
     ),
     fit(
         Cover::Grass,
@@ -276,13 +276,13 @@ const FITS: [Fit; 51] = [
         Cover::Grass,
         3,
         Polarisation::Hh,
-        [-33.288, 32.98, 0.51, -1.343, 4.874, -3.142],
+        [-33.288, 32.98, 0.51, -1.343, 4.874, -PI],
     ),
     fit(
         Cover::ShortVegetation,
         0,
         Polarisation::Hh,
-        [-27.265, 32.39, 2.133, 1.438, -3.847, 3.142],
+        [-27.265, 32.39, 2.133, 1.438, -3.847, PI],
     ),
     fit(
         Cover::ShortVegetation,
@@ -306,7 +306,7 @@ const FITS: [Fit; 51] = [
         Cover::ShortVegetation,
         1,
         Polarisation::Hv,
-        [-99.0, 85.852, 0.179, 3.687, 2.121, -3.142],
+        [-99.0, 85.852, 0.179, 3.687, 2.121, -PI],
     ),
     fit(
         Cover::ShortVegetation,
@@ -324,19 +324,19 @@ const FITS: [Fit; 51] = [
         Cover::ShortVegetation,
         2,
         Polarisation::Hv,
-        [-99.0, 93.293, 0.181, 5.359, 1.948, -3.142],
+        [-99.0, 93.293, 0.181, 5.359, 1.948, -PI],
     ),
     fit(
         Cover::ShortVegetation,
         2,
         Polarisation::Vv,
-        [-88.593, 99.0, 0.326, 9.574, 1.969, -3.142],
+        [-88.593, 99.0, 0.326, 9.574, 1.969, -PI],
     ),
     fit(
         Cover::Shrubs,
         0,
         Polarisation::Hh,
-        [-26.688, 29.454, 1.814, 0.873, 4.135, -3.142],
+        [-26.688, 29.454, 1.814, 0.873, 4.135, -PI],
     ),
     fit(
         Cover::Shrubs,
@@ -348,25 +348,25 @@ const FITS: [Fit; 51] = [
         Cover::Shrubs,
         0,
         Polarisation::Vv,
-        [-81.371, 99.0, 0.567, 16.2, -1.948, 3.142],
+        [-81.371, 99.0, 0.567, 16.2, -1.948, PI],
     ),
     fit(
         Cover::Shrubs,
         2,
         Polarisation::Hh,
-        [-91.95, 99.0, 0.27, 6.98, 1.922, -3.142],
+        [-91.95, 99.0, 0.27, 6.98, 1.922, -PI],
     ),
     fit(
         Cover::Shrubs,
         2,
         Polarisation::Hv,
-        [-99.0, 91.003, 0.156, 3.948, 2.239, -3.142],
+        [-99.0, 91.003, 0.156, 3.948, 2.239, -PI],
     ),
     fit(
         Cover::Shrubs,
         2,
         Polarisation::Vv,
-        [-91.133, 99.0, 0.294, 8.107, 2.112, -3.142],
+        [-91.133, 99.0, 0.294, 8.107, 2.112, -PI],
     ),
     fit(
         Cover::DrySnow,
@@ -396,7 +396,7 @@ const FITS: [Fit; 51] = [
         Cover::DrySnow,
         1,
         Polarisation::Hv,
-        [-54.29, 13.292, 10.0, -30.0, -0.715, 3.142],
+        [-54.29, 13.292, 10.0, -30.0, -0.715, PI],
     ),
     fit(
         Cover::DrySnow,
@@ -468,7 +468,7 @@ const FITS: [Fit; 51] = [
         Cover::WetSnow,
         2,
         Polarisation::Hv,
-        [-24.622, 15.102, 15.0, -3.401, 2.431, 3.142],
+        [-24.622, 15.102, 15.0, -3.401, 2.431, PI],
     ),
     fit(
         Cover::WetSnow,
@@ -515,7 +515,7 @@ mod tests {
         let grass = Cover::Grass.backscatter(5.4e9, Polarisation::Hh).unwrap();
         let theta = 40f64.to_radians();
         let by_hand =
-            -15.75 + 17.931 * (-2.369 * theta).exp() - 1.502 * (4.592 * theta - 3.142).cos();
+            -15.75 + 17.931 * (-2.369 * theta).exp() - 1.502 * (4.592 * theta - PI).cos();
         assert!((level_db(grass, 40.0) - by_hand).abs() < 1e-9);
         assert!((by_hand + 13.8).abs() < 0.05, "{by_hand}");
         // Beyond 70 deg as the cosine: cos 80 / cos 70 = 0.5077, -2.94 dB.

@@ -24,7 +24,7 @@ impl Ground<'_> {
         }
     }
 
-    /// Unit normal, upwards.
+    /// Unit normal of the ground, upwards.
     pub fn normal(&self, at: DVec2) -> DVec3 {
         self.terrain.map_or(DVec3::Z, |terrain| terrain.normal(at))
     }

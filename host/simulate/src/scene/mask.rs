@@ -11,7 +11,7 @@ use super::Picture;
 /// Pixels of one value in a map over an extent.
 #[derive(Clone, Debug)]
 pub struct Mask {
-    /// Map of classes.
+    /// Map of classes by their values.
     pub map: Picture,
     /// Rectangle covered by the map.
     pub extent: Extent,

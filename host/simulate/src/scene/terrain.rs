@@ -66,9 +66,9 @@ pub struct Ridges {
 pub struct HeightFunction {
     /// Slopes along x and y.
     pub slope: DVec2,
-    /// Hills.
+    /// Hills and hollows of Gaussian shape.
     pub hills: Vec<Hill>,
-    /// Systems of ridges.
+    /// Systems of parallel ridges.
     pub ridges: Vec<Ridges>,
     /// RMS of the random relief, metres.
     pub rms_m: f64,
@@ -147,7 +147,7 @@ impl Terrain {
         relief.map(Self).map_err(|e| SceneError(e.to_string()))
     }
 
-    /// Nodes.
+    /// Heights at the nodes.
     pub fn relief(&self) -> &Relief {
         &self.0
     }

@@ -13,7 +13,7 @@
 //! **Approximations.**
 //! - Rays start at the antenna, half a node apart at the far end of the terrain, with samples half a node apart. A crest between samples is
 //!   missed by at most a quarter of a node times its slope; the end of its shadow is displaced by that over the tangent of the grazing angle.
-//!   The last sample before a node is left out, so that slopes towards the radar do not hide themselves: a shadow begins up to one node
+//!   The last sample before a node is left out, so that slopes towards the radar stay visible: a shadow begins up to one node
 //!   behind its crest.
 //! - `s` is computed at up to [`MAX_MAPS`] positions of the track, equally spaced in time, and interpolated linearly in between. Their number is
 //!   chosen so that the direction of the longest shadow turns by at most one node between them. Where the maximum limits it (wide

@@ -46,7 +46,7 @@ const STEPS: f64 = 256.0;
 pub struct Texture {
     /// Order (shape) of the gamma distribution, 0.05 to 1000; the variance of the texture is its inverse.
     pub shape: f64,
-    /// Correlation length, metres.
+    /// Correlation length of the Gaussian field, metres.
     pub length_m: f64,
 }
 
@@ -148,7 +148,7 @@ fn field(columns: usize, rows: usize, weights: &[f64], seed: u64, index: u32) ->
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(TEXTURE.wrapping_add(u64::from(index)));
     let wide = columns + 2 * REACH;
-    // Rows of smoothed noise, of which those within the kernel's reach are held.
+    // Rows of smoothed noise within the kernel's reach.
     let mut held: Vec<Vec<f64>> = Vec::new();
     let mut smoothed = Vec::with_capacity(columns * rows);
     for _ in 0..rows + 2 * REACH {

@@ -18,7 +18,7 @@ use crate::Scatterer;
 use crate::random::unit;
 use subaperture_signal::phase::phasor;
 
-/// Random stream.
+/// Random stream of places and phases.
 const TREE: u64 = u64::from_be_bytes(*b"tree\0\0\0\0");
 
 /// Largest number of points of a crown.
@@ -29,7 +29,7 @@ const MOST_POINTS: usize = 100_000;
 pub struct Canopy {
     /// Centre, metres in the scene frame.
     pub centre_m: DVec3,
-    /// Half axes, metres.
+    /// Half axes of the ellipsoid, metres.
     pub half_m: DVec3,
     /// One-way attenuation, dB per metre.
     pub attenuation_db_m: f64,

@@ -21,7 +21,7 @@ use crate::Scatterer;
 use crate::random::unit;
 use subaperture_signal::phase::phasor;
 
-/// Random stream.
+/// Random stream of the phases.
 const VEHICLE: u64 = u64::from_be_bytes(*b"vehicle\0");
 
 /// Largest distance between the scattering centres of a plate, metres.
