@@ -137,10 +137,12 @@ fn model(
 fn model(
     path: &Path,
     _extent: &Extent,
-    _keys: &TerrainKeys,
-    _around: &Around,
+    keys: &TerrainKeys,
+    around: &Around,
     _memory_bytes: u64,
 ) -> Result<Relief, String> {
+    // Keys of elevation models only.
+    let _ = (&keys.geoid, around.frame);
     Err(format!(
         "{}: this program is built without readers of elevation models: expected a NumPy array of heights (.npy)",
         path.display()

@@ -393,7 +393,10 @@ fn impossible_scenes_are_refused_with_advice() {
             terrain("picture.png"),
             "give latitude and longitude of [scene.origin]",
         ),
-        (terrain("heights.npy\"\nspacing = \"-1 m"), "must be above 0"),
+        (
+            terrain("heights.npy\"\nspacing = \"-1 m"),
+            "must be above 0",
+        ),
         ("[scene.terrain]\nslope_x = 0.1".to_owned(), "no extent"),
         (
             "[scene]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\n[scene.terrain]\nslope_x = 1e300".to_owned(),

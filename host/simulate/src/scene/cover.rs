@@ -514,8 +514,7 @@ mod tests {
         // P1 + P2 exp(-P3 theta) + P4 cos(P5 theta + P6), by hand at 40 deg: grass at C band, HH.
         let grass = Cover::Grass.backscatter(5.4e9, Polarisation::Hh).unwrap();
         let theta = 40f64.to_radians();
-        let by_hand =
-            -15.75 + 17.931 * (-2.369 * theta).exp() - 1.502 * (4.592 * theta - PI).cos();
+        let by_hand = -15.75 + 17.931 * (-2.369 * theta).exp() - 1.502 * (4.592 * theta - PI).cos();
         assert!((level_db(grass, 40.0) - by_hand).abs() < 1e-9);
         assert!((by_hand + 13.8).abs() < 0.05, "{by_hand}");
         // Beyond 70 deg as the cosine: cos 80 / cos 70 = 0.5077, -2.94 dB.
