@@ -259,6 +259,7 @@ pages! {
     measure_page_runs: "host/guide/src/howto/measure.md",
     pairs_page_runs: "host/guide/src/howto/pairs.md",
     pictures_page_runs: "host/guide/src/howto/pictures.md",
+    scenes_page_runs: "host/guide/src/howto/scenes.md",
     surfaces_page_runs: "host/guide/src/howto/surfaces.md",
     truck_page_runs: "host/guide/src/howto/truck.md",
     velocity_page_runs: "host/guide/src/howto/velocity.md",

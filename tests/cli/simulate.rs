@@ -5,6 +5,8 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use proptest::prelude::*;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::prelude::Complex32;
 use subaperture::simulate::scenario::{Scenario, examples};
 use subaperture_tests::subap::{command, listing, run};
 
@@ -231,6 +233,63 @@ fn antenna_pairs_are_channels() {
             "{about:?}"
         );
     }
+}
+
+#[test]
+fn elevation_model_casts_shadow_in_recording() {
+    // A tile of 1201 x 1201 heights (90 m apart along latitude) with a wall of 400 m in one row, 2 km to the south of the scene.
+    let folder = tempfile::tempdir().unwrap();
+    let wall = 600 + (2000.0 / (111_195.0 / 1200.0)) as usize;
+    let heights = (0..1201 * 1201).flat_map(|i| {
+        let height: i16 = if i / 1201 == wall { 400 } else { 0 };
+        height.to_be_bytes()
+    });
+    fs::write(
+        folder.path().join("N52E004.hgt"),
+        heights.collect::<Vec<u8>>(),
+    )
+    .unwrap();
+    let scenario = |height: &str, terrain: &str| {
+        let text = format!(
+            r#"
+            [scene]
+            x = "-3000, 3000 m"
+            y = "-3000, 3000 m"
+            [scene.origin]
+            latitude = "52.5 deg"
+            longitude = "4.5 deg"
+            {terrain}
+            [[scene.clutter]]
+            x = "-50, 50 m"
+            y = "-50, 50 m"
+            count = 100
+            sigma0 = "0 dB"
+            [radar]
+            kind = "ideal"
+            pulses = 4
+            pri = "1 ms"
+            centre = "10 GHz"
+            bandwidth = "10 MHz"
+            samples = 64
+            [platform]
+            kind = "linear"
+            position = "0, -20000, {height} m"
+            velocity = "100, 0, 0 m/s"
+            "#
+        );
+        let experiment = Scenario::new("dem.toml", text, folder.path()).experiment();
+        let experiment = experiment.unwrap_or_else(|error| panic!("{error}"));
+        let recording = experiment.record(experiment.pairs()[0]).unwrap();
+        let mut samples = vec![Complex32::ZERO; 4 * 64];
+        recording.read(0..4, &mut samples).unwrap();
+        samples.iter().map(|z| z.norm_sqr()).sum::<f32>()
+    };
+    let terrain = "[scene.terrain]\nkind = \"file\"\nfile = \"N52E004.hgt\"\nspacing = \"30 m\"";
+    // The line to the scene passes the wall 2 km before it at a tenth of the radar's height: below 400 m from 3 km, above from 6 km.
+    assert_eq!(scenario("3000", terrain), 0.0);
+    let seen = scenario("6000", terrain) / scenario("6000", "");
+    // Heights of the model are those above the ellipsoid, 3 km from the origin 0.7 m below the plane.
+    assert!((seen - 1.0).abs() < 0.1, "{seen}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use subaperture_tests::experiment::read_whole;
 const RECORDINGS: [(&str, u64); 12] = [
     ("arc", 0x9961_dc4e_215d_4f09),
     ("circular", 0x3c77_d259_51e4_2068),
-    ("distributed", 0x58d6_1133_1900_e84c),
+    ("distributed", 0x69cb_1cb7_d443_0466),
     ("fusion", 0x496b_9b16_d499_bdad),
     ("gmti", 0x8658_5f14_e545_096f),
     ("mover", 0xa459_f76a_0bb4_a21b),

@@ -2,6 +2,7 @@
 
 mod bits;
 mod chain;
+mod distributed;
 mod engine;
 mod receiver;
 mod scenarios;

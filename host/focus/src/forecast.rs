@@ -140,7 +140,8 @@ pub fn grow<F: FnOnce(&dyn Monitor) -> Result<(), FormError>>(
     }
 }
 
-/// Estimate the time for reading all pulses of `width` samples by reading scattered blocks.
+/// Estimate the time for reading all pulses of `width` samples by reading scattered blocks. The first block has two pulses for each thread, and each
+/// further one twice as many, so that pulses that take long (simulated scenes of many scatterers) are measured in about a second, too.
 ///
 /// # Errors
 /// Errors of `read`.
@@ -153,16 +154,18 @@ pub fn reading<E>(
     let mut samples = vec![Complex32::ZERO; block * width];
     let (begun, mut done) = (Instant::now(), 0);
     let blocks = num_pulses.div_ceil(block);
+    let mut count = (2 * rayon::current_num_threads()).min(block);
     // A prime stride avoids reading neighbours in sequence.
     for index in (0..blocks).map(|i| i * 7919 % blocks) {
         let first = index * block;
-        let pulses = first..num_pulses.min(first + block);
+        let pulses = first..num_pulses.min(first + count);
         done += pulses.len();
         let samples = &mut samples[..pulses.len() * width];
         read(pulses, samples)?;
         if begun.elapsed().as_secs_f64() > LONG_ENOUGH_S {
             break;
         }
+        count = (2 * count).min(block);
     }
     let measured_s = begun.elapsed().as_secs_f64();
     Ok(Forecast {

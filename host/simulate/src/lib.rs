@@ -24,6 +24,8 @@
 //! - [`PointTargetHistory`] is the plain sum of Schone 2020 (2.11) with the stop-and-go approximation. [`Preset`] returns it,
 //!   and it is an independent check of the engine.
 //!
+//! With the feature `elevation-models` scenarios read HGT and GeoTIFF as terrain.
+//!
 //! All random effects depend only on the seed, the kind of effect and the pulse index: the same seed gives
 //! bit-identical files with any number of threads and any order of reading.
 #![forbid(unsafe_code)]

@@ -178,8 +178,7 @@ impl<'a> Channel<'a> {
         let views: Vec<View> = (0..self.collection.pulses.len())
             .map(|n| self.view(n))
             .collect();
-        let scene = &experiment.scene;
-        self.engine = Engine::for_track(scene, experiment.method, &views, table_bytes);
+        self.engine.prepare(&views, table_bytes);
     }
 
     /// Number of samples of the pulses read so far whose I or Q saturated the converter.
@@ -375,7 +374,9 @@ impl Echoes for Channel<'_> {
             + size_of_val(self.true_antennas.as_slice())
             + size_of_val(self.saturated.as_slice())
             + size_of_val(scene.points.as_slice())
-            + size_of_val(scene.moving_points.as_slice());
-        held as u64 + self.engine.held_bytes()
+            + size_of_val(scene.moving_points.as_slice())
+            + size_of_val(scene.facets.as_slice());
+        let shadow = scene.terrain_shadow.as_ref();
+        held as u64 + shadow.map_or(0, |shadow| shadow.held_bytes()) + self.engine.held_bytes()
     }
 }

@@ -116,6 +116,16 @@ impl Chunk {
         DVec3::new(self.x_m[i], self.y_m[i], self.z_m[i])
     }
 
+    /// Centre and radius of a ball that contains the scatterers, metres.
+    pub(super) fn ball(&self) -> (DVec3, f64) {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for i in 0..self.count {
+            let at = self.position_m(i);
+            (low, high) = (low.min(at), high.max(at));
+        }
+        (0.5 * (low + high), 0.5 * low.distance(high))
+    }
+
     /// Distances from `from_m`, metres.
     pub(super) fn ranges_m(&self, from_m: DVec3, out: &mut Lanes<f64>) {
         for i in 0..LANES {

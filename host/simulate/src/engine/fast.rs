@@ -3,8 +3,9 @@
 //! Points of constant velocity are static points at their places in the pulse. With stop-and-go, a scatterer's phase is linear in `k`, a single frequency of the NUFFT. With intra-pulse motion it
 //! is a parabola over each block of samples ([`super::arc`]), a series of NUFFTs ([`super::run`]).
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use num_complex::Complex64;
+use rayon::prelude::*;
 
 use super::View;
 use super::arc::{Arc, Reach};
@@ -14,7 +15,7 @@ use super::lattice::Lattice;
 use super::run::{Run, Work};
 use super::sum::{self, Adder};
 use crate::Scatterer;
-use crate::scene::Scene;
+use crate::scene::{MovingPoint, Scene};
 use subaperture_model::radar::Motion;
 
 /// Set `out` to the sum over `scene`, whose points are `points`.
@@ -26,10 +27,14 @@ pub(super) fn pulse(
     work: &mut Work,
     out: &mut [Complex64],
 ) {
-    let illumination = Illumination::new(view, &scene.blocks);
-    let corners = chunks(scene.corners.iter().map(|corner| Scatterer {
+    let illumination = Illumination::new(view, scene);
+    let mut corners = chunks(scene.corners.iter().map(|corner| Scatterer {
         position_m: corner.position_m,
         amplitude: illumination.corner(corner).into(),
+    }));
+    corners.extend(scene.facets.chunks(LANES).map(|facets| {
+        let points: Vec<MovingPoint> = facets.iter().map(|f| illumination.facet(f)).collect();
+        Chunk::moving(&points)
     }));
     let middle_s = view.middle_s();
     let movers = chunks(scene.movers.iter().map(|mover| Scatterer {
@@ -95,9 +100,43 @@ pub(super) fn pulse(
 
 /// Chunks of a scene's points: static ones, then moving ones.
 pub(super) fn points(scene: &Scene) -> Vec<Chunk> {
-    let mut points = chunks(scene.points.iter().copied());
+    let mut points = match scene.is_open() {
+        true => chunks(scene.points.iter().copied()),
+        false => chunks(ordered(&scene.points).map(|i| scene.points[i])),
+    };
     points.extend(scene.moving_points.chunks(LANES).map(Chunk::moving));
     points
+}
+
+/// Numbers of points along a Morton curve of x and y, on a lattice of 65536 cells a side.
+fn ordered(points: &[Scatterer]) -> impl Iterator<Item = usize> + use<> {
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    for point in points {
+        let at = point.position_m.truncate();
+        (low, high) = (low.min(at), high.max(at));
+    }
+    let cells = 65535.0 / (high - low).max(DVec2::splat(1e-9));
+    // Bits of a 16-bit number at even places.
+    let spread = |value: f64| {
+        let mut bits = u64::from(value as u16);
+        for (shift, mask) in [
+            (8, 0x00ff_00ff),
+            (4, 0x0f0f_0f0f),
+            (2, 0x3333_3333),
+            (1, 0x5555_5555),
+        ] {
+            bits = (bits | (bits << shift)) & mask;
+        }
+        bits
+    };
+    let code = |(i, point): (u64, &Scatterer)| {
+        let cell = (point.position_m.truncate() - low) * cells;
+        // 32 bits of place, 32 bits of number.
+        ((spread(cell.x) | (spread(cell.y) << 1)) << 32) | i
+    };
+    let mut order: Vec<u64> = (0u64..).zip(points).map(code).collect();
+    order.par_sort_unstable();
+    order.into_iter().map(|code| (code & 0xffff_ffff) as usize)
 }
 
 /// Group scatterers into chunks.

@@ -82,8 +82,10 @@ impl<'a> Run<'a> {
         if illumination.is_even() {
             gain.fill(1.0);
         } else {
+            let (centre_m, radius_m) = chunk.ball();
+            let obstacles = illumination.obstacles_before(centre_m, radius_m);
             for (i, gain) in gain[..chunk.count].iter_mut().enumerate() {
-                *gain = illumination.beam(chunk.position_m(i)) as f32;
+                *gain = illumination.beam_past(chunk.position_m(i), &obstacles) as f32;
             }
         }
         if let Some(from_m) = illumination.spreading_from_m() {

@@ -18,7 +18,7 @@ use subaperture_signal::phase::phasor;
 /// Set `out` to the sum over `scene`.
 pub(super) fn pulse(scene: &Scene, view: &View, out: &mut [Complex64]) {
     out.fill(Complex64::ZERO);
-    let illumination = Illumination::new(view, &scene.blocks);
+    let illumination = Illumination::new(view, scene);
     let adder = Adder::of_samples(view, 0..out.len());
     for point in &scene.points {
         let gain = illumination.of(point.position_m);
@@ -27,6 +27,11 @@ pub(super) fn pulse(scene: &Scene, view: &View, out: &mut [Complex64]) {
     for point in &scene.moving_points {
         let gain = illumination.of(point.position_m(view.middle_s()));
         adder.add(point.start.amplitude * gain, |t| point.position_m(t), out);
+    }
+    for facet in &scene.facets {
+        let gain = illumination.of(facet.position_m(view.middle_s()));
+        let amplitude = illumination.facet(facet).start.amplitude * gain;
+        adder.add(amplitude, |t| facet.position_m(t), out);
     }
     for corner in &scene.corners {
         let gain = illumination.of(corner.position_m);

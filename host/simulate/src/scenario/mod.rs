@@ -43,18 +43,23 @@
 //! # Ok::<(), subaperture_simulate::scenario::ScenarioError>(())
 //! ```
 
+mod around;
 mod check;
 pub mod examples;
 mod keys;
 mod logs;
+mod objects;
 mod platform;
 mod scene;
+mod scene_keys;
+mod terrain;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::engine::Method;
 use super::experiment::Experiment;
+use around::Around;
 use error::{ALLOW_MORE_MEMORY, Fault};
 use keys::{ScenarioKeys, Summation};
 use subaperture_describe::{Description, error};
@@ -149,14 +154,14 @@ impl Scenario {
         }
         let tracks = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
         check::place_window(&mut radar, &*tracks.track, place.reference);
-        let scene = scene::build(
-            &top.scene,
-            &radar,
+        let around = Around {
+            radar: &radar,
+            track: &*tracks.track,
+            frame: &place.frame,
             seed,
             folder,
-            memory_bytes - pulses_bytes,
-        )
-        .map_err(one)?;
+        };
+        let scene = scene::build(&top.scene, &around, memory_bytes - pulses_bytes).map_err(one)?;
         let logs = logs::build(&top, &radar).map_err(one)?;
         let experiment = Experiment {
             name: top.name.clone(),

@@ -18,17 +18,18 @@ fn variants(section: &Section) -> &'static [&'static str] {
     }
 }
 
-/// Mutually exclusive keys: the second is used where the first is absent.
-const EITHER: &[(&str, &str, &str)] = &[
-    ("radar", "pri", "prf"),
-    ("radar.pulse", "code", "phases"),
-    ("scene", "reference", "reference_range"),
-    ("scene.clutter", "density", "count"),
+/// Mutually exclusive keys.
+const EITHER: &[(&str, &[&str])] = &[
+    ("radar", &["pri", "prf"]),
+    ("radar.pulse", &["code", "phases"]),
+    ("scene", &["reference", "reference_range"]),
+    ("scene.clutter", &["density", "count"]),
+    ("scene.clutter", &["sigma0", "gamma", "cover"]),
 ];
 
-/// Write a section as text with the selector at `variant`. With `all`, every key is written, and the second of each
-/// exclusive pair if `second`; otherwise the required keys and the first of each pair.
-fn write_section(text: &mut String, section: &Section, variant: &str, all: bool, second: bool) {
+/// Write a section as text with the selector at `variant`. With `all`, every key is written, otherwise the required keys; of exclusive keys that
+/// with the number `choice`, or the last.
+fn write_section(text: &mut String, section: &Section, variant: &str, all: bool, choice: usize) {
     if !section.path.is_empty() {
         let _ = writeln!(text, "{}", section.header());
     }
@@ -36,11 +37,11 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
         if !key.when.is_empty() && !key.when.contains(&variant) {
             continue;
         }
-        let pair = EITHER
+        let either = EITHER
             .iter()
-            .find(|(path, a, b)| *path == section.path && [*a, *b].contains(&key.name));
-        let wanted = match pair {
-            Some((_, first, _)) => (key.name == *first) != second,
+            .find(|(path, names)| *path == section.path && names.contains(&key.name));
+        let wanted = match either {
+            Some((_, names)) => names[choice.min(names.len() - 1)] == key.name,
             None => all || matches!(key.need, Requirement::Required(_)),
         };
         if key.name == section.selector {
@@ -52,27 +53,38 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
 }
 
 /// Scenario with `section` at `variant`, and the required part of all other sections.
-fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> String {
+fn scenario_with(section: &Section, variant: &str, all: bool, choice: usize) -> String {
     let mut text = String::new();
     for other in &SCHEMA.sections {
         if std::ptr::eq(other, section) {
-            write_section(&mut text, section, variant, all, second);
+            write_section(&mut text, section, variant, all, choice);
         } else if other.path == "radar" {
             let kind = if section.path == "radar.pulse" {
                 "pulsed"
             } else {
                 "ideal"
             };
-            write_section(&mut text, other, kind, false, false);
+            write_section(&mut text, other, kind, false, 0);
         } else if other.path == "radar.pulse" {
             if section.path == "radar" && variant == "pulsed" {
-                write_section(&mut text, other, "lfm", false, false);
+                write_section(&mut text, other, "lfm", false, 0);
             }
         } else if other.presence == Presence::Always {
-            write_section(&mut text, other, variants(other)[0], false, false);
+            write_section(&mut text, other, variants(other)[0], false, 0);
         }
     }
     text
+}
+
+/// NumPy array of 2 x 3 heights: 0, 1, 2 / 10, 11, 12.
+fn heights() -> Vec<u8> {
+    let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }";
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    for height in [0.0, 1.0, 2.0, 10.0, 11.0, 12.0f64] {
+        bytes.extend(height.to_le_bytes());
+    }
+    bytes
 }
 
 /// Folder with the files named by the examples of keys.
@@ -86,12 +98,15 @@ fn files() -> tempfile::TempDir {
     )
     .unwrap();
     // Two by two grey pixels.
-    let file = std::fs::File::create(folder.path().join("picture.png")).unwrap();
-    let mut png = png::Encoder::new(file, 2, 2);
-    png.set_color(png::ColorType::Grayscale);
-    png.set_depth(png::BitDepth::Eight);
-    let mut png = png.write_header().unwrap();
-    png.write_image_data(&[0, 85, 170, 255]).unwrap();
+    for name in ["picture.png", "cover.png"] {
+        let file = std::fs::File::create(folder.path().join(name)).unwrap();
+        let mut png = png::Encoder::new(file, 2, 2);
+        png.set_color(png::ColorType::Grayscale);
+        png.set_depth(png::BitDepth::Eight);
+        let mut png = png.write_header().unwrap();
+        png.write_image_data(&[0, 85, 170, 255]).unwrap();
+    }
+    std::fs::write(folder.path().join("heights.npy"), heights()).unwrap();
     folder
 }
 
@@ -103,11 +118,19 @@ fn every_key_is_accepted_and_read() {
     let mut seen = BTreeSet::new();
     for section in &SCHEMA.sections {
         for variant in variants(section) {
-            for (all, second) in [(false, false), (true, false), (true, true)] {
-                let mut text = scenario_with(section, variant, all, second);
+            for (all, choice) in [(false, 0), (true, 0), (true, 1), (true, 2)] {
+                let mut text = scenario_with(section, variant, all, choice);
                 // The beat frequency of a distant scene exceeds half the sample rate.
                 if *variant == "fmcw" {
                     text = text.replace("0, -5, 3 km", "0, -50, 3 m");
+                }
+                // Terrain has the extent of the scene.
+                if section.path.starts_with("scene.terrain") {
+                    text = text.replacen(
+                        "[scene]\n",
+                        "[scene]\nx = \"-9, 9 m\"\ny = \"-9, 9 m\"\n",
+                        1,
+                    );
                 }
                 if section.path == "log" {
                     text = format!("collection_start = \"2017-05-04T14:00:00Z\"\n{text}");
@@ -270,6 +293,127 @@ fn refuse(changes: &[(&str, &str)], line: usize, column: usize, part: &str) {
         (Some(line), Some(column)),
         "{error}"
     );
+}
+
+/// Scenario with a scene in front of the valid one, in which the sections of `scene` begin at line 1.
+fn with_scene(scene: &str) -> Result<crate::scene::Scene, ScenarioError> {
+    let folder = files();
+    let text = format!("{scene}\n{SOUND}");
+    let built = Scenario::new("a.toml", &text, folder.path()).experiment();
+    built.map(|experiment| experiment.scene)
+}
+
+#[test]
+fn objects_stand_on_the_terrain_of_an_array() {
+    // Heights rise by 1 m over 10 m of x and by 10 m over 20 m of y: h = (x + 10) / 10 + (y + 10) / 2.
+    let scene = with_scene(
+        r#"
+        [scene]
+        x = "-10, 10 m"
+        y = "-10, 10 m"
+        [scene.terrain]
+        kind = "file"
+        file = "heights.npy"
+        [[scene.building]]
+        position = "2, 4, 0.5 m"
+        size = "2, 2, 2 m"
+        spacing = "1 m"
+        [[scene.tree]]
+        position = "-3, 1, 0 m"
+        attenuation = "1 dB"
+        [[scene.vehicle]]
+        position = "0, 0, 0 m"
+        [[scene.point]]
+        position = "1, 1, 7 m"
+        "#,
+    )
+    .unwrap();
+    let height_m = |x: f64, y: f64| (x + 10.0) / 10.0 + (y + 10.0) / 2.0;
+    // A foot, half a metre above the ground, and the box's centre a metre above it.
+    assert!((scene.blocks[0].centre_m.z - (height_m(2.0, 4.0) + 1.5)).abs() < 1e-3);
+    assert!((scene.blocks[1].centre_m.z - (height_m(0.0, 0.0) + 0.75)).abs() < 1e-3);
+    assert!((scene.canopies[0].centre_m.z - (height_m(-3.0, 1.0) + 5.0)).abs() < 1e-3);
+    assert_eq!(scene.points[0].position_m.z, 7.0);
+    // Ground that rises away from the radar hides nothing.
+    assert!(scene.terrain_shadow.is_none());
+}
+
+#[test]
+fn map_divides_clutter_into_classes() {
+    // Two by two pixels of the grey levels 0, 85 / 170, 255, the top row at the larger y.
+    let patch = |value: u32| {
+        let scene = with_scene(&format!(
+            r#"
+            [[scene.clutter]]
+            x = "0, 10 m"
+            y = "0, 10 m"
+            count = 400
+            gamma = "-10 dB"
+            map = "cover.png"
+            map_value = {value}
+            "#
+        ));
+        scene.unwrap().points
+    };
+    let upper_right = patch(85);
+    assert!(
+        (60..140).contains(&upper_right.len()),
+        "{}",
+        upper_right.len()
+    );
+    let inside = |p: &crate::Scatterer| p.position_m.x >= 5.0 && p.position_m.y >= 5.0;
+    assert!(upper_right.iter().all(inside));
+    assert_eq!(
+        patch(0).len() + patch(85).len() + patch(170).len() + patch(255).len(),
+        400
+    );
+    assert!(patch(7).is_empty());
+}
+
+#[test]
+fn impossible_scenes_are_refused_with_advice() {
+    let clutter = |keys: &str| {
+        format!("[[scene.clutter]]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\ncount = 9\n{keys}")
+    };
+    let terrain = |keys: &str| {
+        format!(
+            "[scene]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\n[scene.terrain]\nkind = \"file\"\nfile = \"{keys}\""
+        )
+    };
+    for (scene, part) in [
+        (clutter(""), "needs 'sigma0', 'gamma' or 'cover'"),
+        (
+            clutter("sigma0 = \"0 dB\"\ngamma = \"0 dB\""),
+            "expected one of sigma0, gamma and cover",
+        ),
+        (clutter("cover = \"shrubs\""), "choose a class by gamma"),
+        (clutter("sigma0 = \"0 dB\"\nmap = \"no.png\""), "no.png"),
+        (terrain("no.npy"), "no.npy"),
+        (
+            terrain("picture.png"),
+            "give latitude and longitude of [scene.origin]",
+        ),
+        (
+            terrain("heights.npy\"\nspacing = \"-1 m"),
+            "must be above 0",
+        ),
+        ("[scene.terrain]\nslope_x = 0.1".to_owned(), "no extent"),
+        (
+            "[scene]\nx = \"0, 9 m\"\ny = \"0, 9 m\"\n[scene.terrain]\nslope_x = 1e300".to_owned(),
+            "height at node",
+        ),
+        (
+            "[[scene.vehicle]]\nposition = \"0, 0, 0 m\"\nsize = \"4, 0, 1 m\"".to_owned(),
+            "vehicle",
+        ),
+        (
+            "[[scene.tree]]\nposition = \"0, 0, 0 m\"\nheight = \"1 m\"".to_owned(),
+            "crown",
+        ),
+    ] {
+        let error = with_scene(&scene).unwrap_err().to_string();
+        assert!(error.contains(part), "{scene}: {error}");
+    }
 }
 
 #[test]

@@ -8,9 +8,14 @@
 //! | walls | on the four faces | `wall sigma0 d_along d_up` |
 //! | roof edge | along the top of the walls | `edge sigma d_along` |
 //! | foot | along the bottom, where wall and ground form a dihedral | `foot sigma d_along` |
+//! | roof | on the top, if a level is given | `roof sigma0 d_x d_y` |
+//!
+//! In an image focused on the ground, seen at the angle of incidence `theta`, a point at the height `h` lies `h / tan theta` nearer to the radar (layover,
+//! `tests/simulate/distributed.rs`): the top of the front wall and the front of the roof lie before the foot, whose line is at its place. The shadow on
+//! flat ground ends `h tan theta` behind the far edge of the roof.
 //!
 //! Every point has a random phase, so that mean powers add up at any spacing (rough walls). Neglected: specular flashes
-//! of smooth walls, the directivity of edges and dihedrals, the flat roof, and multiple reflections between buildings.
+//! of smooth walls, the directivity of edges and dihedrals, gables, and multiple reflections between buildings.
 //! Walls reflect only outwards, because the box itself occludes those on the far side ([`super::shadow`]).
 
 use glam::{DQuat, DVec3};
@@ -44,6 +49,8 @@ pub struct Building {
     pub edge_sigma_db: f64,
     /// Cross section per metre of the dihedral at the foot, dB.
     pub foot_sigma_db: f64,
+    /// Mean cross section per square metre of the flat roof, dB; `None` for a roof without points.
+    pub roof_sigma0_db: Option<f64>,
 }
 
 impl Building {
@@ -81,13 +88,19 @@ impl Building {
             )));
         }
         let levels = [self.wall_sigma0_db, self.edge_sigma_db, self.foot_sigma_db];
+        let roof_db = self.roof_sigma0_db;
         let places = [
             self.yaw_rad,
             self.centre_m.x,
             self.centre_m.y,
             self.centre_m.z,
         ];
-        if levels.iter().chain(&places).any(|v| !v.is_finite()) {
+        if levels
+            .iter()
+            .chain(&places)
+            .chain(&roof_db)
+            .any(|v| !v.is_finite())
+        {
             return Err(SceneError(format!(
                 "building at {} m, yaw of {} rad, levels of {levels:?} dB: expected finite values",
                 self.centre_m, self.yaw_rad
@@ -99,7 +112,12 @@ impl Building {
             cells(self.size_m.y),
             cells(self.size_m.z),
         );
-        let count = 2.0 * (across + along) * (up + 2.0);
+        let roofed = if roof_db.is_some() {
+            across * along
+        } else {
+            0.0
+        };
+        let count = 2.0 * (across + along) * (up + 2.0) + roofed;
         if count > MAX_POINTS {
             return Err(SceneError(format!(
                 "building of {count:e} points: expected at most {MAX_POINTS}. Give a wider spacing"
@@ -139,6 +157,17 @@ impl Building {
                 add(base + DVec3::Z * self.size_m.z, edge * step);
             }
         }
+        if let Some(db) = roof_db {
+            let (dx, dy) = (self.size_m.x / across, self.size_m.y / along);
+            let roof_m2 = power_of_db(db) * dx * dy;
+            for row in 0..along as usize {
+                for column in 0..across as usize {
+                    let x_m = (column as f64 + 0.5) * dx - half.x;
+                    let y_m = (row as f64 + 0.5) * dy - half.y;
+                    add(DVec3::new(x_m, y_m, self.size_m.z), roof_m2);
+                }
+            }
+        }
         Ok(points)
     }
 }
@@ -157,6 +186,7 @@ mod tests {
             wall_sigma0_db: -10.0,
             edge_sigma_db: 0.0,
             foot_sigma_db: 10.0,
+            roof_sigma0_db: None,
         }
     }
 

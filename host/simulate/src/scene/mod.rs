@@ -5,35 +5,47 @@
 //! over pulses (weighted by the slow-time window) of antenna gain, spreading and visibility ([`super::engine`]); the
 //! mean is 1 for isotropic antennas without spreading loss.
 //!
-//! [`Clutter`], [`Picture`] and [`Building`] represent extended objects by points. [`InternalMotion`] gives the points of
-//! clutter velocities.
+//! [`Clutter`], [`Picture`], [`Building`], [`Vehicle`] and [`Tree`] represent extended objects by points. [`InternalMotion`] gives the points of
+//! clutter velocities, [`Texture`] K-distributed amplitudes, and [`Backscatter`] means that depend on the angle of incidence ([`Cover`]). All stand on
+//! the [`Ground`], a plane or a [`Terrain`], which casts shadows ([`TerrainShadow`]).
 
 mod building;
 mod clutter;
 mod corner;
+mod cover;
+mod facet;
+mod ground;
 mod internal_motion;
+mod mask;
+mod parts;
 mod picture;
 pub mod shadow;
+mod terrain;
+mod terrain_shadow;
+mod texture;
+mod tree;
+mod vehicle;
 
 use std::sync::Arc;
-
-use glam::{DQuat, DVec3};
-use num_complex::Complex64;
 
 pub use building::Building;
 pub(crate) use clutter::MAX_POINTS;
 pub use clutter::{Area, Clutter, Density};
+pub use cover::{Backscatter, Cover, Polarisation};
+pub use facet::Facet;
+pub use ground::Ground;
 pub use internal_motion::InternalMotion;
 pub(crate) use internal_motion::MAX_SPREAD_M_S;
+pub use mask::Mask;
+pub use parts::{Block, Corner, Mover, MovingBlock, MovingPoint, SceneError};
 pub use picture::{Picture, Placement};
+pub use terrain::{HeightFunction, Hill, Ridges, Terrain};
+pub use terrain_shadow::{MAX_MAPS, Shade, TerrainShadow};
+pub use texture::Texture;
+pub use tree::{Canopy, Tree};
+pub use vehicle::Vehicle;
 
 use super::Scatterer;
-use subaperture_model::track::Trajectory;
-
-/// Invalid part of a scene. The message contains the fault and the expected values.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("scene: {0}")]
-pub struct SceneError(pub String);
 
 /// Reflecting and occluding objects.
 #[derive(Clone, Debug, Default)]
@@ -46,56 +58,24 @@ pub struct Scene {
     pub corners: Vec<Corner>,
     /// Moving isotropic point targets.
     pub movers: Vec<Mover>,
+    /// Scatterers that depend on the azimuth, of constant velocity: parts of vehicles.
+    pub facets: Vec<Facet>,
     /// Opaque boxes, which occlude objects behind them.
     pub blocks: Vec<Block>,
+    /// Opaque boxes of constant velocity.
+    pub moving_blocks: Vec<MovingBlock>,
+    /// Foliage, which attenuates objects behind and within it.
+    pub canopies: Vec<Canopy>,
+    /// Shadow of the terrain.
+    pub terrain_shadow: Option<Arc<TerrainShadow>>,
 }
 
-/// Triangular trihedral corner reflector.
-///
-/// Its cross section on boresight is `4 pi a^4 / (3 lambda^2)` for edges of length `a`; [`Corner::amplitude`] gives its
-/// decrease with the angle from boresight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Corner {
-    /// Position of the apex, metres in the scene frame.
-    pub position_m: DVec3,
-    /// Boresight, a unit vector in scene axes.
-    pub boresight: DVec3,
-    /// Length of an inner edge, metres.
-    pub edge_m: f64,
-}
-
-/// Isotropic point of constant velocity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MovingPoint {
-    /// Position at time 0, and amplitude.
-    pub start: Scatterer,
-    /// Velocity, metres per second.
-    pub velocity_m_s: DVec3,
-}
-
-impl MovingPoint {
-    /// Position at a time, metres.
-    pub fn position_m(&self, time_s: f64) -> DVec3 {
-        self.start.position_m + self.velocity_m_s * time_s
+impl Scene {
+    /// Whether no object hides or attenuates another.
+    pub fn is_open(&self) -> bool {
+        self.blocks.is_empty()
+            && self.moving_blocks.is_empty()
+            && self.canopies.is_empty()
+            && self.terrain_shadow.is_none()
     }
-}
-
-/// Isotropic point target that moves along a track.
-#[derive(Clone, Debug)]
-pub struct Mover {
-    /// Track; only its position is used.
-    pub motion: Arc<dyn Trajectory>,
-    /// Complex amplitude, as of a [`Scatterer`].
-    pub amplitude: Complex64,
-}
-
-/// Opaque box that occludes scatterers behind it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Block {
-    /// Centre, metres in the scene frame.
-    pub centre_m: DVec3,
-    /// Half lengths along the box's own axes, metres.
-    pub half_m: DVec3,
-    /// Rotation from the box's axes to the scene's.
-    pub attitude: DQuat,
 }

@@ -99,11 +99,35 @@ impl Picture {
         })
     }
 
+    /// Brightness of the pixel at a position in the picture, both coordinates from 0 to 1, from the smallest x and y.
+    pub(crate) fn value_at(&self, x: f64, y: f64) -> f32 {
+        let place = |part: f64, count: usize| ((part * count as f64) as usize).min(count - 1);
+        let (row, column) = (place(y, self.rows), place(x, self.columns));
+        self.brightness[row * self.columns + column]
+    }
+
     /// Read a `.png` or `.npy` file.
     ///
     /// # Errors
     /// [`SceneError`] if the file cannot be read or has another format.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
+        Self::with_white(path).map(|(picture, _)| picture)
+    }
+
+    /// Read the values of a `.png` or `.npy` file, as grey levels (0 to 255 or 65535) or as numbers.
+    ///
+    /// # Errors
+    /// As of [`Self::read`].
+    pub fn read_values(path: &Path) -> Result<Self, SceneError> {
+        let (mut picture, white) = Self::with_white(path)?;
+        for value in &mut picture.brightness {
+            *value = (*value * white).round();
+        }
+        Ok(picture)
+    }
+
+    /// Picture, and its value of a brightness of 1.
+    fn with_white(path: &Path) -> Result<(Self, f32), SceneError> {
         let about =
             |what: &dyn std::fmt::Display| SceneError(format!("{}: {what}", path.display()));
         match path.extension().and_then(|e| e.to_str()) {
@@ -117,7 +141,8 @@ impl Picture {
                     ));
                 };
                 let brightness = values.iter().map(|&v| v as f32).collect();
-                Self::new(rows, columns, brightness).map_err(|e| about(&e.0))
+                let picture = Self::new(rows, columns, brightness).map_err(|e| about(&e.0))?;
+                Ok((picture, 1.0))
             }
             Some("png") => read_png(path).map_err(|what| about(&what)),
             _ => Err(about(&"unknown picture format: expected .png or .npy")),
@@ -218,7 +243,8 @@ impl Picture {
     }
 }
 
-fn read_png(path: &Path) -> Result<Picture, String> {
+/// Picture, and the grey level of white.
+fn read_png(path: &Path) -> Result<(Picture, f32), String> {
     let file = open_file(path).map_err(|e| e.to_string())?;
     let mut reader = png::Decoder::new(BufReader::new(file))
         .read_info()
@@ -263,7 +289,12 @@ fn read_png(path: &Path) -> Result<Picture, String> {
             brightness.extend(row.iter().map(|&v| f32::from(v) / f32::from(u8::MAX)));
         }
     }
-    Picture::new(rows, columns, brightness).map_err(|e| e.0)
+    let picture = Picture::new(rows, columns, brightness).map_err(|e| e.0)?;
+    let white = match bytes {
+        2 => f32::from(u16::MAX),
+        _ => f32::from(u8::MAX),
+    };
+    Ok((picture, white))
 }
 
 #[cfg(test)]
