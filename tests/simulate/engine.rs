@@ -58,6 +58,7 @@ fn antenna(offset_m: DVec3, pattern: Pattern) -> Antenna {
         boresight: DVec3::new(0.3, 0.9, -0.3).normalize(),
         up: DVec3::new(0.0, 0.3, 0.9).normalize(),
         pattern,
+        aim_m: None,
     }
 }
 

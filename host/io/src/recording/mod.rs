@@ -137,7 +137,9 @@ impl Take {
                     .with_defects(self.history.defects());
             }
             if count == 1 {
-                history = history.with_stated_beam(self.history.stated_beam());
+                history = history
+                    .with_stated_beam(self.history.stated_beam())
+                    .with_antennas(self.history.antennas());
             }
             if let [convention, ..] = *self.history.phase_conventions() {
                 history = history.with_convention(convention);
@@ -321,7 +323,8 @@ impl RecordingFile {
         let history = (history.with_warnings(pulses.antennas.warnings().to_vec()))
             .with_warnings(found.report.warnings)
             .with_defects(found.report.defects)
-            .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen));
+            .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen))
+            .with_antennas(beam::mounted(&pulses.antennas, &pulses.chosen));
         Ok(Take {
             history,
             pulses: pulses

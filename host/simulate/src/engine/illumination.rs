@@ -47,10 +47,10 @@ impl<'a> Illumination<'a> {
 
     /// Whether antenna gain and visibility are 1 for every point.
     pub(super) fn is_even(&self) -> bool {
-        let even = |pattern| pattern == Pattern::Isotropic;
+        let even = |pattern: &Pattern| *pattern == Pattern::Isotropic;
         self.blocks.is_empty()
-            && even(self.view.transmitter.pattern)
-            && even(self.view.receiver.pattern)
+            && even(&self.view.transmitter.pattern)
+            && even(&self.view.receiver.pattern)
     }
 
     /// Antenna gain and visibility of a point, without spreading loss.
@@ -58,10 +58,8 @@ impl<'a> Illumination<'a> {
         if self.is_even() {
             return 1.0;
         }
-        let one = |antenna: &Antenna, from_m: DVec3| {
-            let towards = (point_m - from_m).normalize_or_zero();
-            antenna.amplitude(self.attitude, towards)
-        };
+        let one =
+            |antenna: &Antenna, from_m: DVec3| antenna.amplitude_at(self.attitude, from_m, point_m);
         let beam = one(self.view.transmitter, self.transmitter_m)
             * one(self.view.receiver, self.receiver_m);
         let same = self.transmitter_m == self.receiver_m;
