@@ -396,7 +396,7 @@ fn table_reuse_matches_direct_sums() {
         azimuth_rad: 0.4,
         elevation_rad: 0.4,
     };
-    let (one, two) = (antenna(DVec3::X, wide), antenna(DVec3::NEG_X, wide));
+    let (one, two) = (antenna(DVec3::X, wide.clone()), antenna(DVec3::NEG_X, wide));
     // The radar moves 0.125 m per pulse; points are 0.0625 or 0.25 m apart, rows at arbitrary positions.
     for pitch_m in [0.0625, 0.25] {
         let mut random = ChaCha8Rng::seed_from_u64(3);

@@ -3,5 +3,6 @@
 mod bits;
 mod chain;
 mod engine;
+mod patterns;
 mod receiver;
 mod scenarios;

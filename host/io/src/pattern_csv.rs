@@ -26,7 +26,7 @@ use super::ours::TEXT_MARK;
 use super::track_csv::{TrackCsvError, each_line};
 
 /// Maximum number of directions.
-pub const MOST: usize = 1 << 19;
+pub const MOST: usize = 1 << 18;
 
 /// Maximum line length in bytes.
 const LONGEST_LINE: u64 = 256;

@@ -48,6 +48,9 @@ impl From<PatternTable> for Samples {
     }
 }
 
+/// Smallest step of an axis, radians: values in degrees and radians then differ alike.
+const LEAST_STEP_RAD: f64 = 1e-12;
+
 /// Largest magnitude of a gain, dB.
 const LARGEST_DB: f64 = 400.0;
 
@@ -68,7 +71,9 @@ impl PatternTable {
         ];
         for (name, axis, most_rad) in axes {
             let within = axis.iter().all(|x| x.abs() <= most_rad * (1.0 + 1e-12));
-            let ascends = axis.windows(2).all(|pair| pair[0] < pair[1]);
+            let ascends = axis
+                .windows(2)
+                .all(|pair| pair[1] - pair[0] > LEAST_STEP_RAD);
             if axis.is_empty() || !within || !ascends {
                 return Err(format!(
                     "expected ascending values of {name} within {:.0} degrees",
