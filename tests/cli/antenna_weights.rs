@@ -37,7 +37,7 @@ fn focused(at: &Path, input: &str, options: &str) -> [f64; 2] {
     let grid = format!("--grid x=-80:20.1:{STEP_M},y=999:1001.1:1");
     run(
         at,
-        &format!("focus {input} {grid} -a bp -e -50 --out image {options}"),
+        &format!("focus {input} {grid} -a bp --error-db -50 --out image {options}"),
     )
     .succeeded();
     let image: Image = npy::read(&at.join("image/image.npy")).unwrap();
@@ -58,7 +58,7 @@ fn assert_reads_one(amplitudes: [f64; 2]) {
 fn points_at_edge_of_beam_read_their_amplitude_from_scenario_with_table() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // Two-way gains of a Gaussian of 2 degrees, with the peak at 30 dB, by its dB: -12.04 (azimuth / width)^2 a way.
+    // Two-way gains of a Gaussian of 2 degrees, with the peak at 30 dB, by its dB: -12.04 (azimuth / width)^2 an antenna.
     let mut table = "azimuth_deg,gain_db\n".to_owned();
     for n in -80..=80 {
         let azimuth = 0.05 * f64::from(n);
@@ -109,7 +109,8 @@ fn points_at_edge_of_beam_read_their_amplitude_from_cphd_and_tiles() {
     run(at, "simulate strip.toml --echoes raw -o strip.cphd").succeeded();
     assert_reads_one(focused(at, "strip.cphd", "--antenna-weights matched"));
     // The same image in tiles by a stored plan.
-    let grid = "--grid x=-80:20.1:0.25,y=999:1001.1:1 -a bp -e -50 --antenna-weights matched";
+    let grid =
+        "--grid x=-80:20.1:0.25,y=999:1001.1:1 -a bp --error-db -50 --antenna-weights matched";
     run(at, &format!("plan focus strip.cphd {grid} --out plan.json")).succeeded();
     run(at, "focus strip.cphd --plan plan.json --out tiled").succeeded();
     run(at, "compare image tiled --error-db -120").succeeded();

@@ -22,9 +22,9 @@ const DOWN_RAD: f64 = 0.2;
 /// Two-way pattern: amplitudes by azimuth and elevation, radians, and the library's description of the same antennas.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
-    one_way: fn(f64, f64) -> f64,
+    single: fn(f64, f64) -> f64,
     /// Whether the receiver has the pattern too; otherwise it is isotropic.
-    is_two_way: bool,
+    is_combined: bool,
     pattern: Pattern,
     /// Yaw and roll of the body by pulse, radians.
     turned_rad: fn(usize) -> [f64; 2],
@@ -65,7 +65,7 @@ fn sample(azimuth_deg: f64, elevation_deg: f64) -> f64 {
     bell(azimuth_deg / 6.0) * bell(elevation_deg / 8.0) * (1.0 + 0.01 * azimuth_deg)
 }
 
-/// Bilinear between the samples.
+/// Amplitude of the table, bilinear between its samples.
 fn table(azimuth: f64, elevation: f64) -> f64 {
     let [x, y] = [(azimuth, 0), (elevation, 1)]
         .map(|(angle, i)| (angle.to_degrees() + TABLE_ENDS_DEG[i]) / TABLE_STEPS_DEG[i]);
@@ -114,8 +114,8 @@ pub(crate) fn scenes() -> Vec<Scene> {
     let (azimuth_rad, elevation_rad) = (AZIMUTH_RAD, ELEVATION_RAD);
     let fixed = Scene {
         name: "gaussian",
-        one_way: gaussian,
-        is_two_way: true,
+        single: gaussian,
+        is_combined: true,
         pattern: Pattern::Gaussian {
             azimuth_rad,
             elevation_rad,
@@ -127,7 +127,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
     vec![
         Scene {
             name: "cosine",
-            one_way: cosine,
+            single: cosine,
             pattern: Pattern::Cosine {
                 azimuth_rad,
                 elevation_rad,
@@ -136,8 +136,8 @@ pub(crate) fn scenes() -> Vec<Scene> {
         },
         Scene {
             name: "one-way aperture",
-            one_way: aperture,
-            is_two_way: false,
+            single: aperture,
+            is_combined: false,
             pattern: Pattern::Aperture {
                 azimuth_rad,
                 elevation_rad,
@@ -146,7 +146,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
         },
         Scene {
             name: "table",
-            one_way: table,
+            single: table,
             pattern: tabulated(),
             ..fixed
         },
@@ -187,13 +187,13 @@ impl Scene {
         [boresight, up.cross(boresight), up]
     }
 
-    /// Two-way amplitude.
+    /// Two-way amplitude of a pulse at a point.
     pub(crate) fn amplitude(&self, collection: &Collection, n: usize, point_m: DVec3) -> f64 {
         let from_m = collection.pulses[n].transmitter_m;
         let towards = (point_m - from_m).normalize();
         let [ahead, left, up] = self.axes(n, from_m).map(|axis| towards.dot(axis));
-        let one = (self.one_way)(left.atan2(ahead), up.asin());
-        if self.is_two_way { one * one } else { one }
+        let one = (self.single)(left.atan2(ahead), up.asin());
+        if self.is_combined { one * one } else { one }
     }
 
     fn mounted(&self) -> MountedAntennas {
@@ -205,7 +205,7 @@ impl Scene {
             pattern,
             aim_m: self.aim_m,
         };
-        let receiver = match self.is_two_way {
+        let receiver = match self.is_combined {
             true => self.pattern.clone(),
             false => Pattern::Isotropic,
         };

@@ -40,7 +40,7 @@ up = "0, 0, 1"
 [platform]
 kind = "linear"
 position = "0, 0, 100 m"
-velocity = "200, 0, 0 m/s"
+velocity = "100, 0, 0 m/s"
 at = "middle"
 "#
     )

@@ -180,10 +180,10 @@ pub struct BeamKeys {
     /// gain_db. The amplitude is relative to the largest gain, bilinear between the samples and 0 outside.
     #[key(required = "pattern.csv", when(Table))]
     pub table: Located<PathBuf>,
-    /// Gains of the table: those of this antenna (one-way), or the sum in dB over transmission and reception by equal antennas (two-way),
-    /// half of which belongs to this antenna.
-    #[key(default = "one-way", when(Table))]
-    pub gains: TableGains,
+    /// Gains of the table: those of this antenna (one-way), or the sum in dB over transmission and reception by equal antennas (two-way). Half
+    /// of that sum belongs to this antenna.
+    #[key(default = "one-way", words("one-way", "two-way"), when(Table))]
+    pub gains: String,
     /// Full half-power beamwidth in azimuth.
     #[key(
         required = "20 deg",
@@ -198,15 +198,6 @@ pub struct BeamKeys {
         when(Gaussian, Cosine, Aperture)
     )]
     pub elevation_rad: f64,
-}
-
-/// Gains of a table of an antenna pattern.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
-pub enum TableGains {
-    /// Gains of one antenna.
-    OneWay,
-    /// Sum in dB over transmission and reception by equal antennas.
-    TwoWay,
 }
 
 /// Reader of the table of an antenna pattern.
@@ -516,9 +507,9 @@ impl BeamKeys {
                 },
                 PatternKeys::Table(keys) => {
                     let table = read_table(&keys.table)?;
-                    Pattern::Table(match keys.gains {
-                        TableGains::OneWay => table,
-                        TableGains::TwoWay => table.of_each_way(),
+                    Pattern::Table(match &*keys.gains {
+                        "two-way" => table.per_antenna(),
+                        _ => table,
                     })
                 }
             },

@@ -107,15 +107,15 @@ pub fn read_from(stream: impl BufRead, path: &Path) -> Result<PatternTable, Trac
         });
         Ok(())
     })?;
-    let fault = |line: u64, what: String| TrackCsvError::at_line(path, line.max(1), what);
+    let at_line = |line: u64, fault: String| TrackCsvError::at_line(path, line.max(1), fault);
     if rows.is_empty() {
-        let what = match columns {
+        let fault = match columns {
             0 => format!("expected the header {HEADER} or {CUT}, found the end of the file"),
             _ => "expected at least one direction, found the end of the file".to_owned(),
         };
-        return Err(fault(lines, what));
+        return Err(at_line(lines, fault));
     }
-    table(rows).map_err(|(line, what)| fault(line, what))
+    table(rows).map_err(|(line, fault)| at_line(line, fault))
 }
 
 /// Number of a cell within `most` of 0.
@@ -181,7 +181,7 @@ fn table(mut rows: Vec<Row>) -> Result<PatternTable, (u64, String)> {
     let gains: Vec<f64> = rows.iter().map(|row| row.gain_db).collect();
     let elevations = elevations.map(|row| row.elevation_deg.to_radians());
     PatternTable::new(azimuths.collect(), elevations.collect(), &gains)
-        .map_err(|what| (last.line, what))
+        .map_err(|fault| (last.line, fault))
 }
 
 /// Text of a pattern, which [`read`] restores to rounding.

@@ -13,7 +13,7 @@ use crate::cost::{Buffer, Copies, Cost, StageCost};
 use crate::former_choices::{FormerChoices, misfit};
 use crate::patch::PatchSize;
 use crate::{Decision, ErrorGoal, FormError, ImageFormer, ImageSpec};
-use subaperture_model::antenna::{FLOOR, TwoWayPattern};
+use subaperture_model::antenna::{CombinedPattern, FLOOR};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{BlockIllumination, Collection, Weights};
@@ -239,7 +239,7 @@ fn cost<'a>(
         stages.push(stage);
         buffers.push(Buffer {
             name: "antenna pattern".into(),
-            bytes: TwoWayPattern::PULSE_BYTES * spec.collection.pulses.len() as u64,
+            bytes: CombinedPattern::PULSE_BYTES * spec.collection.pulses.len() as u64,
             each: Copies::Pass,
         });
     }

@@ -1,6 +1,6 @@
 //! Blocks with weights matched to antenna patterns.
 //!
-//! With the weights `W(c)` of the centre of a block (`model::antenna::TwoWayPattern`) instead of the matched ones `A(p)` of a pixel, the signal-to-noise ratio of
+//! With the weights `W(c)` of the centre of a block (`model::antenna::CombinedPattern`) instead of the matched ones `A(p)` of a pixel, the signal-to-noise ratio of
 //! the pixel in white noise is lower by
 //!
 //! ```text
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::blocks::{self, Division, MIN_SIDE, starts};
 use super::track::Track;
 use super::{Beam, FormError};
-use subaperture_model::antenna::{AntennaPatterns, TwoWayPattern};
+use subaperture_model::antenna::{AntennaPatterns, CombinedPattern};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{BlockIllumination, Collection};
 use subaperture_signal::window::Window;
@@ -90,7 +90,7 @@ pub(super) fn illumination(
 }
 
 /// Rows and columns of a block: `largest`, halved along the axis with the larger mismatch until it is small.
-fn side(pattern: &TwoWayPattern, grid: &ImageGrid, largest: [usize; 2]) -> [usize; 2] {
+fn side(pattern: &CombinedPattern, grid: &ImageGrid, largest: [usize; 2]) -> [usize; 2] {
     let counts = [grid.rows.count, grid.columns.count];
     let mut side = largest;
     loop {
@@ -120,7 +120,7 @@ fn side(pattern: &TwoWayPattern, grid: &ImageGrid, largest: [usize; 2]) -> [usiz
 /// Largest mismatch between the centre of a block and the pixels at the middles of its first and last row, of its first and last column, and its corners:
 /// loss and gain relative to their limits.
 fn mismatch(
-    pattern: &TwoWayPattern,
+    pattern: &CombinedPattern,
     grid: &ImageGrid,
     first: [usize; 2],
     side: [usize; 2],

@@ -137,9 +137,13 @@ impl Take {
                     .with_defects(self.history.defects());
             }
             if count == 1 {
+                let antennas = self.history.antennas().map(|mut mounted| {
+                    mounted.attitudes = own.iter().map(|&n| mounted.attitudes[n]).collect();
+                    mounted
+                });
                 history = history
                     .with_stated_beam(self.history.stated_beam())
-                    .with_antennas(self.history.antennas());
+                    .with_antennas(antennas);
             }
             if let [convention, ..] = *self.history.phase_conventions() {
                 history = history.with_convention(convention);

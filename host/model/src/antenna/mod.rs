@@ -1,15 +1,15 @@
 //! Antennas: position on a body, direction and pattern.
 
+mod combined;
 mod pattern;
 mod table;
-mod two_way;
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+pub use combined::{AntennaPatterns, CombinedPattern, FLOOR, LEAST};
 pub use pattern::cosine_exponent;
 pub use table::PatternTable;
-pub use two_way::{AntennaPatterns, FLOOR, LEAST, TwoWayPattern};
 
 /// Antenna on a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,7 +24,7 @@ pub struct Antenna {
     /// Unit vector of the beam's elevation axis, body axes, orthogonal to `boresight`; azimuth is the rotation about
     /// it.
     pub up: DVec3,
-    /// Antenna pattern.
+    /// Antenna pattern about the boresight.
     pub pattern: Pattern,
     /// Point of the scene to which the beam is steered, metres in the scene frame; `None` for a boresight fixed in the body.
     pub aim_m: Option<DVec3>,

@@ -16,8 +16,8 @@
 //! frequency is used for the whole band (a real aperture's narrows by the relative bandwidth over the band).
 //! Polarisation and the element factor are neglected.
 //!
-//! The boresight is fixed in the body, or steered to a point of the scene ([`Antenna::aim_m`]). A steered beam keeps the up vector of the body as far
-//! as it is orthogonal to the boresight.
+//! The boresight is fixed in the body, or steered to a point of the scene ([`Antenna::aim_m`]). The up vector of a steered
+//! beam is the component of the body's that is orthogonal to the boresight.
 //!
 //! Accuracy: half-power angles to 1e-12, side lobe to 0.01 dB, by the tests below.
 

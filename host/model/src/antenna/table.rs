@@ -89,7 +89,10 @@ impl PatternTable {
                 gain_db.len()
             ));
         }
-        if let Some(gain) = gain_db.iter().find(|gain| !(gain.abs() <= LARGEST_DB)) {
+        if let Some(gain) = gain_db
+            .iter()
+            .find(|gain| gain.is_nan() || gain.abs() > LARGEST_DB)
+        {
             return Err(format!(
                 "expected gains of -{LARGEST_DB} to {LARGEST_DB} dB, found {gain}"
             ));
@@ -105,17 +108,17 @@ impl PatternTable {
 
     /// The pattern with half of the dB: that of each of two equal antennas whose two-way pattern this is.
     #[must_use]
-    pub fn of_each_way(mut self) -> Self {
+    pub fn per_antenna(mut self) -> Self {
         self.amplitude = self.amplitude.iter().map(|a| a.sqrt()).collect();
         self
     }
 
-    /// Azimuths, radians, ascending.
+    /// Azimuths of the lattice, radians, ascending.
     pub fn azimuth_rad(&self) -> &[f64] {
         &self.azimuth_rad
     }
 
-    /// Elevations, radians, ascending.
+    /// Elevations of the lattice, radians, ascending.
     pub fn elevation_rad(&self) -> &[f64] {
         &self.elevation_rad
     }
@@ -231,7 +234,7 @@ mod tests {
                 "{azimuth} {elevation}: {amplitude}"
             );
         }
-        let each = table.of_each_way();
+        let each = table.per_antenna();
         assert!((each.amplitude(-0.2, 0.0) - 0.5f64.sqrt()).abs() < 1e-14);
     }
 

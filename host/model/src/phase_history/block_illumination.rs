@@ -1,7 +1,7 @@
 //! Blocks of pixels, each formed from the pulses whose beam illuminates it.
 //!
 //! With matched weights (Chim 2018, 3.2.1) pulse `n` has the weight `w_n W_n(c)` in the block of centre `c`, with the slow-time window `w` and the two-way
-//! pattern of [`TwoWayPattern`], and a pixel `p` is divided by
+//! pattern of [`CombinedPattern`], and a pixel `p` is divided by
 //!
 //! ```text
 //! D(p) = sum_n w_n W_n(c) A_n(p)
@@ -18,7 +18,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use subaperture_signal::window::Window;
 
-use crate::antenna::TwoWayPattern;
+use crate::antenna::CombinedPattern;
 use crate::geometry::ImageGrid;
 
 /// Smallest divisor of a pixel relative to that of its block's centre.
@@ -42,7 +42,7 @@ pub struct BlockIllumination {
 /// Weights matched to antenna patterns.
 #[derive(Clone, Debug)]
 struct Matched {
-    pattern: Arc<TwoWayPattern>,
+    pattern: Arc<CombinedPattern>,
     grid: ImageGrid,
     blocks: Vec<MatchedBlock>,
 }
@@ -129,7 +129,7 @@ impl BlockIllumination {
     /// # Panics
     /// Panics if the grid has other numbers of rows and columns, or the pattern fewer pulses.
     #[must_use]
-    pub fn matched(mut self, pattern: Arc<TwoWayPattern>, grid: &ImageGrid) -> Self {
+    pub fn matched(mut self, pattern: Arc<CombinedPattern>, grid: &ImageGrid) -> Self {
         assert_eq!(self.counts, [grid.rows.count, grid.columns.count]);
         let block = |block: usize| {
             let centre_m = self.centre_m(grid, block);

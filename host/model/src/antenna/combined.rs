@@ -137,7 +137,7 @@ impl AntennaPatterns {
     }
 
     /// Two-way pattern over pulses, each with its time and the positions of transmitter and receiver.
-    pub fn over(&self, pulses: impl Iterator<Item = (f64, [DVec3; 2])>) -> TwoWayPattern {
+    pub fn over(&self, pulses: impl Iterator<Item = (f64, [DVec3; 2])>) -> CombinedPattern {
         let looks = pulses.map(|(time_s, places_m)| {
             let attitudes = self.attitudes_at(time_s);
             [0, 1].map(|i| Look {
@@ -146,7 +146,7 @@ impl AntennaPatterns {
             })
         });
         let [transmitter, receiver] = &self.antennas;
-        TwoWayPattern {
+        CombinedPattern {
             is_same: transmitter.pattern == receiver.pattern,
             patterns: self.antennas.each_ref().map(|one| one.pattern.clone()),
             looks: looks.collect(),
@@ -170,18 +170,18 @@ struct Look {
 
 /// Two-way amplitude of both antennas at each pulse.
 #[derive(Clone, Debug)]
-pub struct TwoWayPattern {
+pub struct CombinedPattern {
     /// Whether both antennas have the same pattern.
     is_same: bool,
     patterns: [Pattern; 2],
     looks: Vec<[Look; 2]>,
 }
 
-impl TwoWayPattern {
+impl CombinedPattern {
     /// Memory of a pulse, bytes.
     pub const PULSE_BYTES: u64 = size_of::<[Look; 2]>() as u64;
 
-    /// Number of pulses.
+    /// Number of pulses that the pattern covers.
     pub fn num_pulses(&self) -> usize {
         self.looks.len()
     }
@@ -283,23 +283,23 @@ mod tests {
         let times_s: Vec<f64> = (0..count).map(|n| 0.01 * n as f64).collect();
         let place_m = |t: f64| DVec3::new(20.0 * (t - 1.0), 0.0, 0.0);
         let patterns = AntennaPatterns::new(&mounted(vec![[DQuat::IDENTITY; 2]; count]), &times_s);
-        let two_way = patterns.unwrap();
-        let two_way = two_way.over(times_s.iter().map(|&t| (t, [place_m(t); 2])));
+        let combined = patterns.unwrap();
+        let combined = combined.over(times_s.iter().map(|&t| (t, [place_m(t); 2])));
         let point_m = DVec3::new(0.0, 100.0, 0.0);
         let expected = |n: usize| {
             let azimuth = (place_m(times_s[n]).x / 100.0).atan() / WIDTH_RAD;
             0.5f64.powf(4.0 * azimuth * azimuth)
         };
         for n in [0, 37, 100, 160] {
-            assert!((two_way.amplitude(n, point_m) - expected(n)).abs() < 1e-14);
+            assert!((combined.amplitude(n, point_m) - expected(n)).abs() < 1e-14);
         }
-        let (seen, peak) = two_way.seeing(0..count, point_m);
+        let (seen, peak) = combined.seeing(0..count, point_m);
         assert_eq!(peak, 1.0);
         for n in 0..count {
             assert_eq!(seen.contains(&n), expected(n) >= FLOOR, "{n}");
         }
         // Elevations of a steep point have less than -40 dB in all pulses.
-        let above = two_way.seeing(0..count, DVec3::new(0.0, 1.0, 100.0)).0;
+        let above = combined.seeing(0..count, DVec3::new(0.0, 1.0, 100.0)).0;
         assert!(above.is_empty());
     }
 }
