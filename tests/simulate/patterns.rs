@@ -46,9 +46,10 @@ at = "middle"
     )
 }
 
-/// Azimuth and elevation of the point from a boresight in the vertical plane of a direction, with up nearest to z.
+/// Azimuth and elevation of the point from a boresight, with the up vector nearest to that of the antenna, which is orthogonal to its fixed boresight.
 fn angles(from_m: DVec3, boresight: DVec3) -> [f64; 2] {
-    let up = (DVec3::Z - boresight * boresight.z).normalize();
+    let fixed_up = DVec3::new(0.0, 0.2f64.sin(), 0.2f64.cos());
+    let up = (fixed_up - boresight * boresight.dot(fixed_up)).normalize();
     let left = up.cross(boresight);
     let towards = (POINT_M - from_m).normalize();
     [

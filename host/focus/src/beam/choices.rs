@@ -18,7 +18,8 @@ use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{BlockIllumination, Collection, Weights};
 
-/// Real operations and nanoseconds of a two-way amplitude of two equal antennas, measured for Gaussian patterns.
+/// Real operations and nanoseconds of a two-way amplitude of two equal antennas. Measured: 50 ns for apertures, 60 ns for Gaussian patterns, 220 ns for powers
+/// of cosines.
 const TERM_OPERATIONS: f64 = 150.0;
 const TERM_NS: f64 = 90.0;
 
