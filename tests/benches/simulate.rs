@@ -52,6 +52,7 @@ fn main() {
         boresight: DVec3::Y,
         up: DVec3::Z,
         pattern: Pattern::Isotropic,
+        aim_m: None,
     };
     let view = |n: usize, motion| View {
         body: &Straight,

@@ -1,6 +1,7 @@
 //! The command `subap` as its users run it, and the benches' program.
 
 mod accuracy_table;
+mod antenna_weights;
 mod any_file;
 mod autofocus;
 mod bad_input;

@@ -18,6 +18,8 @@ mod movers;
 mod nested_maps;
 mod options;
 mod out_of_memory;
+mod pattern;
+mod pattern_scene;
 mod pfa_ffbp;
 mod points;
 mod portable;

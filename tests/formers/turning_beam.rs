@@ -35,6 +35,7 @@ fn spotlight() -> InMemory {
             azimuth_rad: WIDTH_RAD,
             elevation_rad: 0.5,
         },
+        aim_m: None,
     };
     let carried = MountedAntennas {
         antennas: [antenna("transmitter"), antenna("receiver")],

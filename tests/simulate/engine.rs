@@ -58,6 +58,7 @@ fn antenna(offset_m: DVec3, pattern: Pattern) -> Antenna {
         boresight: DVec3::new(0.3, 0.9, -0.3).normalize(),
         up: DVec3::new(0.0, 0.3, 0.9).normalize(),
         pattern,
+        aim_m: None,
     }
 }
 
@@ -395,7 +396,7 @@ fn table_reuse_matches_direct_sums() {
         azimuth_rad: 0.4,
         elevation_rad: 0.4,
     };
-    let (one, two) = (antenna(DVec3::X, wide), antenna(DVec3::NEG_X, wide));
+    let (one, two) = (antenna(DVec3::X, wide.clone()), antenna(DVec3::NEG_X, wide));
     // The radar moves 0.125 m per pulse; points are 0.0625 or 0.25 m apart, rows at arbitrary positions.
     for pitch_m in [0.0625, 0.25] {
         let mut random = ChaCha8Rng::seed_from_u64(3);

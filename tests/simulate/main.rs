@@ -4,5 +4,6 @@ mod bits;
 mod chain;
 mod distributed;
 mod engine;
+mod patterns;
 mod receiver;
 mod scenarios;

@@ -85,6 +85,7 @@ pub fn antenna(name: &str, offset_m: DVec3) -> Antenna {
         boresight: DVec3::Y,
         up: DVec3::Z,
         pattern: Pattern::Isotropic,
+        aim_m: None,
     }
 }
 

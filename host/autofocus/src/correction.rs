@@ -13,6 +13,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
+use subaperture_model::antenna::MountedAntennas;
 use subaperture_model::phase_history::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use subaperture_signal::phase::{cis, narrow};
 
@@ -209,6 +210,10 @@ impl PhaseHistory for Corrected<'_> {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.history.true_antennas()
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        self.history.antennas()
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

@@ -1,10 +1,13 @@
 //! `[radar]`: waveform, timing and antennas.
 
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use subaperture_model::phase_history::Band;
 use subaperture_model::quantity::{hertz, seconds};
-use subaperture_model::radar::{Antenna, Motion, Pattern, PulseShape, Radar, Waveform};
+use subaperture_model::radar::{
+    Antenna, Motion, Pattern, PatternTable, PulseShape, Radar, Waveform,
+};
 
 use glam::DVec3;
 
@@ -164,24 +167,41 @@ pub struct BeamKeys {
     /// Elevation axis of the beam in body axes, about which azimuth is measured. Only its component orthogonal to the boresight is used.
     #[key(default = "0, 0, 1")]
     pub up: Located<DVec3>,
-    /// Antenna pattern: isotropic, Gaussian beam, or uniformly illuminated rectangular aperture with sidelobes.
-    #[key(default = "isotropic", select(Isotropic, Gaussian, Aperture))]
+    /// Point of the scene to which the beam is steered in every pulse (spotlight), in place of boresight. up stays that of the body.
+    #[key(example = "0, 0, 0 m")]
+    pub aim_m: Option<DVec3>,
+    /// Antenna pattern: isotropic, Gaussian beam, cosine power, uniformly illuminated rectangular aperture with sidelobes, or a table.
+    #[key(
+        default = "isotropic",
+        select(Isotropic, Gaussian, Cosine, Aperture, Table)
+    )]
     pub pattern: PatternKeys,
+    /// CSV of gains over the lattice of azimuths and elevations from the boresight: azimuth_deg, elevation_deg (left out for a cut in azimuth),
+    /// gain_db. The amplitude is relative to the largest gain, bilinear between the samples and 0 outside.
+    #[key(required = "pattern.csv", when(Table))]
+    pub table: Located<PathBuf>,
+    /// Gains of the table: those of this antenna (one-way), or the sum in dB over transmission and reception by equal antennas (two-way). Half
+    /// of that sum belongs to this antenna.
+    #[key(default = "one-way", words("one-way", "two-way"), when(Table))]
+    pub gains: String,
     /// Full half-power beamwidth in azimuth.
     #[key(
         required = "20 deg",
         within(1e-5, PI, "0.001 to 180 deg"),
-        when(Gaussian, Aperture)
+        when(Gaussian, Cosine, Aperture)
     )]
     pub azimuth_rad: f64,
     /// Full half-power beamwidth in elevation.
     #[key(
         required = "40 deg",
         within(1e-5, PI, "0.001 to 180 deg"),
-        when(Gaussian, Aperture)
+        when(Gaussian, Cosine, Aperture)
     )]
     pub elevation_rad: f64,
 }
+
+/// Reader of the table of an antenna pattern.
+pub type ReadTable<'a> = dyn Fn(&Located<PathBuf>) -> Result<PatternTable, Fault> + 'a;
 
 /// Antenna of a simulated radar.
 #[section]
@@ -197,8 +217,8 @@ pub struct AntennaKeys {
 
 impl RadarKeys {
     /// Build the radar. A pulsed radar without `window_start` gets an infinite window start, which the caller sets once the antennas' track
-    /// is known. The error contains all faults.
-    pub fn build(&self) -> Result<Radar, Vec<Fault>> {
+    /// is known. `read_table` reads the tables of antenna patterns. The error contains all faults.
+    pub fn build(&self, read_table: &ReadTable) -> Result<Radar, Vec<Fault>> {
         let mut faults = Vec::new();
         let mut keep = |found: Fault| faults.push(found);
         let pri_s = pri_s(&self.pri_s, &self.prf_hz).map_err(&mut keep).ok();
@@ -209,6 +229,7 @@ impl RadarKeys {
                     .iter()
                     .map(|antenna| (&antenna.mount, &antenna.beam)),
                 letter,
+                read_table,
             )
         };
         let transmitters = of(&self.transmitter, "T").map_err(&mut keep).ok();
@@ -427,10 +448,14 @@ impl PulseKeys {
 pub fn antennas_of<'k>(
     given: impl Iterator<Item = (&'k MountKeys, &'k BeamKeys)>,
     letter: &str,
+    read_table: &ReadTable,
 ) -> Result<Vec<Antenna>, Fault> {
     let antennas = given.enumerate();
-    let antennas =
-        antennas.map(|(i, (mount, beam))| beam.antenna(mount, format!("{letter}{}", i + 1)));
+    let antennas = antennas.map(|(i, (mount, beam))| {
+        let name = mount.name.clone();
+        let name = name.unwrap_or_else(|| format!("{letter}{}", i + 1));
+        beam.antenna(mount, name, read_table)
+    });
     let mut antennas: Vec<Antenna> = antennas.collect::<Result<_, _>>()?;
     if antennas.is_empty() {
         antennas.push(Antenna {
@@ -439,13 +464,19 @@ pub fn antennas_of<'k>(
             boresight: DVec3::Y,
             up: DVec3::Z,
             pattern: Pattern::Isotropic,
+            aim_m: None,
         });
     }
     Ok(antennas)
 }
 
 impl BeamKeys {
-    fn antenna(&self, mount: &MountKeys, name: String) -> Result<Antenna, Fault> {
+    fn antenna(
+        &self,
+        mount: &MountKeys,
+        name: String,
+        read_table: &ReadTable,
+    ) -> Result<Antenna, Fault> {
         let boresight = self.boresight.direction()?;
         let up = self.up.direction()?;
         let across = up - boresight * up.dot(boresight);
@@ -456,7 +487,7 @@ impl BeamKeys {
             ));
         }
         Ok(Antenna {
-            name: mount.name.clone().unwrap_or(name),
+            name,
             offset_m: mount.offset_m,
             boresight,
             up: across.normalize(),
@@ -466,11 +497,23 @@ impl BeamKeys {
                     azimuth_rad: widths.azimuth_rad,
                     elevation_rad: widths.elevation_rad,
                 },
+                PatternKeys::Cosine(widths) => Pattern::Cosine {
+                    azimuth_rad: widths.azimuth_rad,
+                    elevation_rad: widths.elevation_rad,
+                },
                 PatternKeys::Aperture(widths) => Pattern::Aperture {
                     azimuth_rad: widths.azimuth_rad,
                     elevation_rad: widths.elevation_rad,
                 },
+                PatternKeys::Table(keys) => {
+                    let table = read_table(&keys.table)?;
+                    Pattern::Table(match &*keys.gains {
+                        "two-way" => table.per_antenna(),
+                        _ => table,
+                    })
+                }
             },
+            aim_m: self.aim_m,
         })
     }
 }

@@ -90,6 +90,11 @@ pub trait ImageFormer: Send + Sync {
         None
     }
 
+    /// Whether blocks of pixels are formed from different pulses or weights ([`super::beam::InBeam`]).
+    fn forms_blocks(&self) -> bool {
+        self.beam().is_some()
+    }
+
     /// Weights of the image: windows over fast and slow time and, in a beam, the pulses that illuminate each pixel.
     ///
     /// # Errors

@@ -179,7 +179,7 @@ impl<'a> Probes<'a> {
             false => 0.0,
         };
         Self {
-            norms: pixels.iter().map(norm).collect(),
+            norms: pixels.par_iter().map(norm).collect(),
             blocks,
             narrow,
             profiles: None,
@@ -323,12 +323,14 @@ impl<'a> Probes<'a> {
             return total(&weights.fast, &weights.slow, levels);
         };
         // Blocks formed from the same pulses have the same levels: one of them, and their number.
-        let mut alike = BTreeMap::<(usize, usize), (usize, f64)>::new();
+        let mut alike = BTreeMap::<(usize, usize, usize), (usize, f64)>::new();
         for block in 0..illumination.num_blocks() {
             let pulses = illumination.pulses(block);
             if !pulses.is_empty() {
+                // Matched weights differ from block to block.
+                let own = if illumination.is_matched() { block } else { 0 };
                 alike
-                    .entry((pulses.start, pulses.end))
+                    .entry((pulses.start, pulses.end, own))
                     .or_insert((block, 0.0))
                     .1 += 1.0;
             }
@@ -342,13 +344,14 @@ impl<'a> Probes<'a> {
             let pulses = illumination.pulses(block);
             let own = total(
                 &weights.fast,
-                illumination.slow(block).0,
+                &illumination.slow(block).0,
                 &levels[pulses.clone()],
             );
-            sum.terms = sum.terms.max(own.terms);
+            let gain = libm::pow(illumination.centre_gain(block), 2.0);
+            sum.terms = sum.terms.max(gain * own.terms);
             for (sum, own) in sum.recorded.iter_mut().zip(own.recorded) {
-                sum.all += count * own.all;
-                sum.strong = sum.strong.max(own.strong);
+                sum.all += count * gain * own.all;
+                sum.strong = sum.strong.max(gain * own.strong);
             }
             if pulses.len() > longest.len() {
                 longest = pulses;

@@ -15,7 +15,7 @@
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy archives ([`npy::Array::read`]), and phase history from them: `arrays` | `zip`, `flate2` |
 //! | `hdf5` | phase history from arrays in HDF5 (requires `npz`); with `cphd`, NISAR L0B: `l0b` | `hdf5-pure`, `flate2` |
-//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `receive`, `recorded_track`, `motive`, `track_csv`, `estimated_track`, `track_axes`, `target_csv`, `phase_csv` | `subaperture-describe`, `subaperture-navigation` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `receive`, `recorded_track`, `motive`, `track_csv`, `estimated_track`, `track_axes`, `target_csv`, `phase_csv`, `pattern_csv` | `subaperture-describe`, `subaperture-navigation` |
 //!
 //! NumPy's `.npy` and images are always available. A file whose feature is off is recognised and refused with the
 //! name of the feature.
@@ -56,6 +56,8 @@ mod moves;
 pub mod npy;
 pub mod open;
 pub mod ours;
+#[cfg(feature = "recording")]
+pub mod pattern_csv;
 #[cfg(feature = "recording")]
 pub mod phase_csv;
 pub mod place;

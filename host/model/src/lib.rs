@@ -7,7 +7,8 @@
 //! |---|---|
 //! | [`geometry`] | scene frame, positions on the Earth, image grids |
 //! | [`phase_history`] | pulses, collections, channels: the input of formers |
-//! | [`radar`] | waveform, antennas, impairments of receivers |
+//! | [`antenna`] | position, direction and pattern of antennas |
+//! | [`radar`] | waveform, timing, impairments of receivers |
 //! | [`resolution`] | spectral support, resolution, sampling and default grid of a collection |
 //! | [`track`] | trajectories of radars and targets |
 //! | [`image`] | complex images, and the error between two of them |
@@ -26,6 +27,7 @@
 //! - Names carry units: `_m`, `_s`, `_hz`, `_rad`, `_db`.
 #![forbid(unsafe_code)]
 
+pub mod antenna;
 pub mod geometry;
 pub mod image;
 pub mod monitor;

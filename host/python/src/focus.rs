@@ -9,7 +9,7 @@ use serde_json::json;
 use subaperture::Focusing;
 use subaperture::autofocus::Correction;
 use subaperture::corrections::{CorrectedRecording, Corrections};
-use subaperture::focus::beam::{BeamChoice, InBeam, choose};
+use subaperture::focus::beam::{AntennaWeights, BeamChoice, choose, limited};
 use subaperture::focus::formers::{self, DEFAULT, FORMERS};
 use subaperture::focus::{
     BoundPolicy, ImageFormer, ImageSpec, Numerics, Plan as ImagePlan, SCRATCH_BYTES, Work,
@@ -75,6 +75,16 @@ fn beam(request: &Request) -> Result<BeamChoice, Error> {
     }
 }
 
+fn antenna_weights(request: &Request) -> Result<AntennaWeights, Error> {
+    match request.antenna_weights.as_deref() {
+        None | Some("none") => Ok(AntennaWeights::None),
+        Some("matched") => Ok(AntennaWeights::Matched),
+        Some(other) => Err(Error::argument(format!(
+            "antenna_weights: expected 'none' or 'matched', found '{other}'"
+        ))),
+    }
+}
+
 fn beam_within(beam: Option<&BeamLike>, squint_rad: Option<f64>) -> Result<BeamChoice, Error> {
     Ok(match beam {
         None => BeamChoice::Stated,
@@ -130,6 +140,8 @@ pub(crate) struct Request<'py> {
     #[pyo3(default)]
     doppler_centroid_hz: Option<f64>,
     #[pyo3(default)]
+    antenna_weights: Option<String>,
+    #[pyo3(default)]
     memory: Option<Memory>,
     #[pyo3(default)]
     scratch: Option<Memory>,
@@ -156,6 +168,7 @@ pub(crate) struct Requested {
     pub(crate) windows: [Window; 2],
     pub(crate) memory_bytes: u64,
     beam: BeamChoice,
+    antenna_weights: AntennaWeights,
 }
 
 impl Request<'_> {
@@ -164,6 +177,7 @@ impl Request<'_> {
         let name = self.former.as_deref().unwrap_or(DEFAULT.name);
         let former = former(name, self.options.as_ref())?;
         let beam = beam(self)?;
+        let antenna_weights = antenna_weights(self)?;
         let windows = [&self.window, &self.slow_window].map(Option::as_deref);
         let windows = convert::windows(windows[0], windows[1])?;
         let memory_bytes = memory_bytes(self.memory.clone())?;
@@ -197,6 +211,7 @@ impl Request<'_> {
             windows,
             memory_bytes,
             beam,
+            antenna_weights,
         })
     }
 
@@ -266,6 +281,7 @@ pub(crate) fn focus(py: Python<'_>, request: Request<'_>) -> Result<Image, Error
         let mut focusing = Focusing::new(requested.recorded.history(), &requested.grid)
             .windows(fast, slow)
             .beam(requested.beam)
+            .antenna_weights(requested.antenna_weights)
             .memory_bytes(requested.memory_bytes)
             .monitor(monitor);
         if portable {
@@ -329,15 +345,14 @@ pub(crate) fn plan(py: Python<'_>, request: Request<'_>) -> Result<Plan, Error> 
             former,
             windows: [fast, slow],
             beam,
+            antenna_weights,
             ..
         } = requested;
         let history = recorded.history();
-        let chosen = choose(beam, history, &grid, monitor)
+        let patterns = antenna_weights.patterns(history)?;
+        let chosen = choose(antenna_weights.beam(beam), history, &grid, monitor)
             .map_err(|error| Error::new(crate::errors::Class::Unsuited, error))?;
-        let former = match chosen.beam {
-            Some(beam) => Box::new(InBeam::new(former, beam)?),
-            None => former,
-        };
+        let former = limited(former, patterns, chosen.beam)?;
         let collection = history.collection();
         let spec = ImageSpec {
             collection,

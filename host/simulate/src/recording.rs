@@ -12,7 +12,7 @@ use subaperture_io::receive::{Compressed, Deskewed, Echoes, Filter, Referenced, 
 use subaperture_model::phase_history::{
     Beam, ChannelHistory, Channels, Collection, NoBeam, PhaseHistory, ReadError,
 };
-use subaperture_model::radar::Waveform;
+use subaperture_model::radar::{MountedAntennas, Waveform};
 
 /// Phase history of an antenna pair, computed when read.
 pub struct Recording<'a>(Received<'a>);
@@ -132,6 +132,10 @@ impl PhaseHistory for Recording<'_> {
             .collect::<Vec<_>>();
         let times_s = pulses.iter().map(|pulse| pulse.time_s).collect::<Vec<_>>();
         self.echoes().carried().beam(&times_s, &middles_m)
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        Some(self.echoes().carried()).filter(MountedAntennas::is_directive)
     }
 
     fn held_bytes(&self) -> u64 {

@@ -163,6 +163,7 @@ fn intra_pulse_motion_of_points_is_that_of_their_delays() {
         boresight: DVec3::Y,
         up: DVec3::Z,
         pattern: Pattern::Isotropic,
+        aim_m: None,
     };
     let (one, two) = (antenna(0.5), antenna(-0.5));
     let count = 300;

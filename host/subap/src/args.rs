@@ -44,7 +44,8 @@ pub(crate) use autofocus::{Autofocus, AutofocusSettings, Method};
 pub(crate) use displacement::Displacement;
 pub(crate) use export::{Export, ImageFormat, Producing};
 pub(crate) use focus::{
-    BeamWidth, DeviceChoice, Focus, Forming, Imaging, TargetMotion, Velocity, Windows,
+    AntennaWeighting, BeamWidth, DeviceChoice, Focus, Forming, Imaging, TargetMotion, Velocity,
+    Windows,
 };
 pub(crate) use formers::{FormerOptions, key as former_key, options as former_options};
 pub(crate) use front::{command, parse};

@@ -1,7 +1,7 @@
 //! Image formation with defaults for all settings.
 
 use crate::FocusedImage;
-use subaperture_focus::beam::{BeamChoice, EstimateError, InBeam, choose};
+use subaperture_focus::beam::{AntennaWeights, BeamChoice, EstimateError, InBeam, choose};
 use subaperture_focus::coverage;
 use subaperture_focus::device::Device;
 use subaperture_focus::{
@@ -54,6 +54,7 @@ pub struct Focusing<'a> {
     bound_policy: BoundPolicy,
     numerics: Numerics<'a>,
     beam: BeamChoice,
+    antenna_weights: AntennaWeights,
 }
 
 impl<'a> Focusing<'a> {
@@ -69,6 +70,7 @@ impl<'a> Focusing<'a> {
             bound_policy: BoundPolicy::Refused,
             numerics: Numerics::default(),
             beam: BeamChoice::default(),
+            antenna_weights: AntennaWeights::default(),
         }
     }
 
@@ -78,6 +80,16 @@ impl<'a> Focusing<'a> {
     #[must_use]
     pub fn beam(self, beam: BeamChoice) -> Self {
         Self { beam, ..self }
+    }
+
+    /// Weights of pulses by the antenna patterns of the recording, as in `subap focus --antenna-weights`. With matched weights the patterns select the pulses
+    /// of each point, unless a beam is requested. Default: [`AntennaWeights::None`].
+    #[must_use]
+    pub fn antenna_weights(self, antenna_weights: AntennaWeights) -> Self {
+        Self {
+            antenna_weights,
+            ..self
+        }
     }
 
     /// Windows over fast time (frequencies) and slow time (pulses). Default: Taylor, 35 dB.
@@ -146,7 +158,7 @@ impl<'a> Focusing<'a> {
     /// A former of another crate forms every pixel from all pulses, unless it is wrapped in [`InBeam`].
     ///
     /// # Errors
-    /// [`FormError`]; [`FormError::Unsuited`] if a requested beam does not suit the recording, the grid or a former of another crate.
+    /// [`FormError`]; [`FormError::Unsuited`] if a requested beam or antenna weights do not suit the recording, the grid or a former of another crate.
     pub fn by<F: ImageFormer + ?Sized>(self, former: &F) -> Result<FocusedImage, FormError> {
         let start = Stopwatch::start();
         let mut warnings = Vec::new();
@@ -165,13 +177,17 @@ impl<'a> Focusing<'a> {
         former: &F,
         warnings: &mut Vec<String>,
     ) -> Result<Option<InBeam>, FormError> {
-        if former.beam().is_some() {
+        if former.forms_blocks() {
             return Ok(None);
         }
         // A former is identified by its name and settings, as in a stored plan.
         let again = formers::former(former.name(), &former.settings()).ok();
         let again = again.filter(|again| again.settings() == former.settings());
-        let requested = !matches!(self.beam, BeamChoice::Stated | BeamChoice::None);
+        let patterns = self.antenna_weights.patterns(self.history)?;
+        // Matched weights follow the whole main lobe, not only its half-power width.
+        let beam = self.antenna_weights.beam(self.beam);
+        let requested =
+            patterns.is_some() || !matches!(beam, BeamChoice::Stated | BeamChoice::None);
         let Some(again) = again else {
             return match requested {
                 true => Err(FormError::unsuited(format!(
@@ -181,14 +197,18 @@ impl<'a> Focusing<'a> {
                 false => Ok(None),
             };
         };
-        let chosen = choose(self.beam, self.history, self.grid, self.monitor);
+        let chosen = choose(beam, self.history, self.grid, self.monitor);
         let chosen = chosen.map_err(|error| match error {
             EstimateError::Form(error) => error,
             error => FormError::unsuited(error.to_string()),
         })?;
         let about_beam = chosen.warnings(self.grid);
         warnings.extend(about_beam.iter().map(ToString::to_string));
-        chosen.beam.map(|beam| InBeam::new(again, beam)).transpose()
+        match (patterns, chosen.beam) {
+            (Some(patterns), beam) => InBeam::matched(again, patterns, beam).map(Some),
+            (None, Some(beam)) => InBeam::new(again, beam).map(Some),
+            (None, None) => Ok(None),
+        }
     }
 
     fn formed<F: ImageFormer + ?Sized>(&self, former: &F) -> Result<FocusedImage, FormError> {

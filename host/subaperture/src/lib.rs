@@ -123,8 +123,8 @@ mod save;
 pub mod track_fusion;
 
 pub use subaperture_model::{
-    SPEED_OF_LIGHT_M_S, geometry, image, monitor, phase_history, quantity, radar, resolution,
-    track, units,
+    SPEED_OF_LIGHT_M_S, antenna, geometry, image, monitor, phase_history, quantity, radar,
+    resolution, track, units,
 };
 pub use {subaperture_focus as focus, subaperture_io as io, subaperture_signal as signal};
 

@@ -79,7 +79,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All targets.
-pub static TARGETS: [Target; 31] = [
+pub static TARGETS: [Target; 32] = [
     Target {
         name: "job",
         read: jobs::job,
@@ -240,6 +240,14 @@ pub static TARGETS: [Target; 31] = [
         seeds: tracks::phase_seeds,
         repair: unchanged,
         words: tracks::PHASE_WORDS,
+        most_bytes: in_proportion,
+    },
+    Target {
+        name: "pattern_csv",
+        read: tracks::pattern,
+        seeds: tracks::pattern_seeds,
+        repair: unchanged,
+        words: tracks::PATTERN_WORDS,
         most_bytes: in_proportion,
     },
     Target {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use subaperture::io::track_axes::TrackAxes;
-use subaperture::io::{motive, phase_csv, target_csv, track_csv};
+use subaperture::io::{motive, pattern_csv, phase_csv, target_csv, track_csv};
 use subaperture::navigation::{Kind, Log, Options, Place};
 use subaperture::track::{Fix, SampledTrack, Trajectory};
 
@@ -35,6 +35,20 @@ pub(super) const PHASE_WORDS: &[&str] = &[
     "1",
     "NaN",
     "1e12",
+];
+
+pub(super) const PATTERN_WORDS: &[&str] = &[
+    "azimuth_deg",
+    "elevation_deg",
+    "gain_db",
+    ",",
+    "\n",
+    "#",
+    "0",
+    "-180",
+    "90",
+    "1e-300",
+    "NaN",
 ];
 
 pub(super) const NAVIGATION_WORDS: &[&str] = &[
@@ -362,6 +376,34 @@ pub(super) fn phase_seeds() -> Vec<Vec<u8>> {
     ]
     .map(|text| text.as_bytes().to_vec())
     .to_vec()
+}
+
+pub(super) fn pattern_seeds() -> Vec<Vec<u8>> {
+    [
+        "azimuth_deg,elevation_deg,gain_db\n-10,0,-12.2\n0,0,0\n10,0,-12\n-10,5,-20\n0,5,-6\n10,5,-21\n",
+        "\u{feff}# horn\nazimuth_deg, gain_db\r\n\r\n-180,-1e2\r\n180,17\r\n-0,23\r\n",
+    ]
+    .map(|text| text.as_bytes().to_vec())
+    .to_vec()
+}
+
+/// Amplitudes are from 0 to 1, also after writing.
+pub(super) fn pattern(bytes: &[u8]) -> String {
+    let path = Path::new("input.csv");
+    match pattern_csv::read_from(bytes, path) {
+        Ok(table) => {
+            let again = pattern_csv::read_from(pattern_csv::text(&table).as_bytes(), path);
+            for table in [&table, &again.expect("a written pattern is read")] {
+                for n in -8..=8 {
+                    let angle = f64::from(n) * 0.4;
+                    let amplitude = table.amplitude(angle, 0.5 * angle);
+                    assert!((0.0..=1.0 + 1e-12).contains(&amplitude), "{amplitude}");
+                }
+            }
+            format!("{} gains", table.gain_db().len())
+        }
+        Err(error) => error.to_string(),
+    }
 }
 
 /// Phases are finite, and are read unchanged after writing.

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::track::Track;
 use super::{Beam, BeamSource};
 use crate::FormError;
@@ -12,9 +14,16 @@ use subaperture_signal::window::Window;
 /// Largest shift of the aperture centre across one block, as a fraction of the aperture length.
 const MAX_SHIFT: f64 = 0.125;
 /// Minimum rows or columns of a block; smaller blocks cost more than the shorter aperture saves.
-const MIN_SIDE: usize = 8;
+pub(super) const MIN_SIDE: usize = 8;
 /// Blocks sampled along each axis when the block size is chosen.
 const LOOKED_AT: usize = 9;
+
+/// Division of a grid, and the pulses of each block.
+pub(super) struct Division {
+    pub(super) side: [usize; 2],
+    /// Pulses of each block in row-major order.
+    pub(super) pulses: Vec<Range<usize>>,
+}
 
 /// Compute the pulses that illuminate each block of a grid.
 ///
@@ -27,25 +36,41 @@ pub(super) fn illumination(
     slow: Window,
 ) -> Result<BlockIllumination, FormError> {
     let track = Track::of(collection, beam)?;
-    let counts = [grid.rows.count, grid.columns.count];
-    let side = side(beam, &track, grid)?;
-    let blocks = [0, 1].map(|axis| counts[axis].div_ceil(side[axis]));
-    let mut pulses = Vec::with_capacity(blocks[0] * blocks[1]);
-    for row in 0..blocks[0] {
-        for column in 0..blocks[1] {
-            let block = [row, column];
-            let at = [0, 1].map(|axis| {
-                let start = block[axis] * side[axis];
-                let end = (start + side[axis]).min(counts[axis]);
-                start + (end - start) / 2
-            });
-            pulses.push(track.seeing(beam, grid.position_m(at[0], at[1]))?);
-        }
-    }
-    if pulses.iter().all(Range::is_empty) {
+    let division = divide(beam, &track, grid, side(beam, &track, grid)?)?;
+    if division.pulses.iter().all(Range::is_empty) {
         return Err(unseen(beam, &collection.name));
     }
+    let counts = [grid.rows.count, grid.columns.count];
+    let Division { side, pulses } = division;
     Ok(BlockIllumination::new(counts, side, pulses, slow))
+}
+
+/// Pulses in the beam for each block of `side` pixels.
+pub(super) fn divide(
+    beam: &Beam,
+    track: &Track,
+    grid: &ImageGrid,
+    side: [usize; 2],
+) -> Result<Division, FormError> {
+    let centres = centres(grid, side);
+    let pulses = centres.map(|centre_m| track.seeing(beam, centre_m));
+    let pulses = pulses.collect::<Result<_, _>>()?;
+    Ok(Division { side, pulses })
+}
+
+/// Middles of the blocks of a grid, in row-major order.
+pub(super) fn centres(grid: &ImageGrid, side: [usize; 2]) -> impl Iterator<Item = DVec3> + '_ {
+    let counts = [grid.rows.count, grid.columns.count];
+    let blocks = [0, 1].map(|axis| counts[axis].div_ceil(side[axis]));
+    (0..blocks[0] * blocks[1]).map(move |block| {
+        let block = [block / blocks[1], block % blocks[1]];
+        let [row, column] = [0, 1].map(|axis| {
+            let start = block[axis] * side[axis];
+            let end = (start + side[axis]).min(counts[axis]);
+            start + (end - start) / 2
+        });
+        grid.position_m(row, column)
+    })
 }
 
 /// Error for a grid that no pulse illuminates.
@@ -62,7 +87,7 @@ pub(super) fn unseen(beam: &Beam, name: &str) -> FormError {
 }
 
 /// Rows and columns of a block. The whole grid is halved along the axis with the larger aperture shift until the shift is small.
-fn side(beam: &Beam, track: &Track, grid: &ImageGrid) -> Result<[usize; 2], FormError> {
+pub(super) fn side(beam: &Beam, track: &Track, grid: &ImageGrid) -> Result<[usize; 2], FormError> {
     let counts = [grid.rows.count, grid.columns.count];
     let mut shifting = Shifting {
         beam,
@@ -101,7 +126,7 @@ fn side(beam: &Beam, track: &Track, grid: &ImageGrid) -> Result<[usize; 2], Form
 }
 
 /// First rows or columns of sampled blocks, including the first and the last block.
-fn starts(count: usize, side: usize) -> Vec<usize> {
+pub(super) fn starts(count: usize, side: usize) -> Vec<usize> {
     let last = count.div_ceil(side) - 1;
     let blocks = (0..LOOKED_AT).map(|i| i * last / (LOOKED_AT - 1));
     let mut starts: Vec<usize> = blocks.map(|block| block * side).collect();

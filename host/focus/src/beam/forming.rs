@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::choices::{Choices, Part};
+use super::normalisation::{normalise, tolerance};
 use crate::patch::Rectangle;
 use crate::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
 use subaperture_model::image::copy_common;
@@ -91,6 +92,11 @@ impl Forming for InBlocks<'_> {
                 monitor: &monitor,
             };
             forming.form(&within, std::slice::from_mut(&mut own))?;
+            if self.illumination.is_matched() {
+                let tolerance = tolerance(self.former.bound_db());
+                let slow = &part.weights.slow;
+                normalise(&self.illumination, block, slow, tolerance, &mut own.pixels);
+            }
             let place = self.illumination.place(block);
             for tile in tiles.iter_mut() {
                 if !tile.place.meets(&place) {

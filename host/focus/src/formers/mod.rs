@@ -47,13 +47,11 @@ pub fn former(
     name: &str,
     settings: &serde_json::Value,
 ) -> Result<Box<dyn ImageFormer>, UnknownFormer> {
-    if let Some((own, beam)) = InBeam::split(settings) {
+    if let Some((own, of_beam)) = InBeam::split(settings) {
         let inner = former(name, &own)?;
-        let beam = beam.map_err(|source| UnknownFormer::Settings {
-            name: inner.name(),
-            source,
-        })?;
-        return InBeam::new(inner, beam)
+        let name = inner.name();
+        return InBeam::of(inner, &of_beam)
+            .map_err(|source| UnknownFormer::Settings { name, source })?
             .map(|former| Box::new(former) as Box<dyn ImageFormer>)
             .map_err(|error| UnknownFormer::Beam(error.to_string()));
     }

@@ -26,6 +26,7 @@ pub(super) fn standing(
         boresight: DVec3::Y,
         up: DVec3::Z,
         pattern,
+        aim_m: None,
     };
     Experiment {
         name: name.to_owned(),

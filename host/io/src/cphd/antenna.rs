@@ -16,6 +16,9 @@
 //! electrical boresight and the heading, at the middle pulse; the squint follows the electrical boresight over the pulses. A gain that falls by less than 3 dB to
 //! either side is that of an antenna without a main lobe.
 //!
+//! Weights of image formation ([`Antennas::mounted`]) take the main lobe at the middle pulse as a table ([`super::antenna_table`]) about axes that follow those of the
+//! file; the electrical boresight must be constant in these axes.
+//!
 //! **Neglected.** Attitudes are those at `TxTime` for both antennas; `GainBSPoly`, phase polynomials and sampled patterns (`AntGPId`, `GainPhaseArray`) are not
 //! used. The lobe is that at the centre frequency; `EBFreqShift` moves it by up to `EBX B / 2 f` to either side at the edges of a band `B`.
 //!
@@ -24,11 +27,13 @@
 
 use std::collections::HashMap;
 
-use glam::DVec3;
+use glam::{DMat3, DQuat, DVec3};
 
 use super::antenna_polynomials::{Line, Surface, line, surface, value, value_of_two};
+use super::antenna_table::sampled;
 use super::antenna_vectors::AntennaVector;
 use crate::container::{Element, MetadataError};
+use subaperture_model::antenna::{self as model, MountedAntennas};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{Beam, NoBeam, Pulse, headings};
 
@@ -197,6 +202,59 @@ impl Antennas {
     }
 }
 
+/// Largest change of the electrical boresight in the axes of an antenna that counts as constant, as a direction cosine.
+const SAME_COSINE: f64 = 1e-4;
+
+impl Antennas {
+    /// Antennas of a channel with the attitudes of their frames, whose Z axis is the boresight of the description; arguments as of [`Self::beam`]. `None` for isotropic antennas, for
+    /// patterns with a [`Self::fault`], and for an electrical boresight that changes in its frame.
+    pub(super) fn mounted(
+        &self,
+        ids: &AntennaIds,
+        frame: &SceneFrame,
+        pulses: &[Pulse],
+        vectors: Option<&[[AntennaVector; 2]]>,
+        centre_hz: f64,
+    ) -> Option<MountedAntennas> {
+        let pair = self.pair(ids).ok()?;
+        let at = |n: usize, i: usize| {
+            let vector = vectors.and_then(|vectors| vectors.get(n));
+            let vector = vector.map(|vector| &vector[i]);
+            pair[i].at(frame, pulses[n].time_s, vector, centre_hz)
+        };
+        let mut attitudes = vec![[DQuat::IDENTITY; 2]; pulses.len()];
+        let mut antennas = [None, None];
+        for (i, antenna) in antennas.iter_mut().enumerate() {
+            let middle = at(pulses.len() / 2, i)?;
+            for (n, attitude) in attitudes.iter_mut().enumerate() {
+                let own = at(n, i)?;
+                let moved = [0, 1].map(|axis| (own.cosines[axis] - middle.cosines[axis]).abs());
+                if !moved.iter().all(|change| *change <= SAME_COSINE) {
+                    return None;
+                }
+                let [x, y, z] = own.frame()?;
+                attitude[i] = DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize();
+            }
+            *antenna = Some(model::Antenna {
+                name: ["transmitter", "receiver"][i].to_owned(),
+                offset_m: DVec3::ZERO,
+                boresight: DVec3::Z,
+                up: DVec3::Y,
+                pattern: middle.pattern()?,
+                aim_m: None,
+            });
+        }
+        let [Some(transmitter), Some(receiver)] = antennas else {
+            return None;
+        };
+        let mounted = MountedAntennas {
+            antennas: [transmitter, receiver],
+            attitudes,
+        };
+        mounted.is_directive().then_some(mounted)
+    }
+}
+
 /// Parse each element of a name; results by `Identifier`, the first of each.
 fn by_id<T>(
     antenna: &Element,
@@ -342,6 +400,26 @@ impl Pointing<'_> {
         let cosines = self.axes.map(|axis| direction.dot(axis));
         let off = [0, 1].map(|i| self.dilation[i] * (cosines[i] - self.cosines[i]));
         value_of_two(&self.pattern.array, off) + value_of_two(&self.pattern.element, cosines)
+    }
+
+    /// Orthogonal axes: X, Y and the normal of both.
+    fn frame(&self) -> Option<[DVec3; 3]> {
+        let [x, y] = self.axes;
+        let z = x.cross(y).try_normalize()?;
+        Some([x, z.cross(x), z])
+    }
+
+    /// Main lobe over azimuth and elevation from the normal of the axes.
+    fn pattern(&self) -> Option<model::Pattern> {
+        let [x, y, z] = self.frame()?;
+        let [left, up] = self.cosines;
+        let elevation = libm::asin(up);
+        let azimuth = libm::asin((left / libm::cos(elevation)).clamp(-1.0, 1.0));
+        let gain_db = |azimuth: f64, elevation: f64| {
+            let [sine, cosine] = [libm::sin(azimuth), libm::cos(azimuth)];
+            self.gain_db((x * sine + z * cosine) * libm::cos(elevation) + y * libm::sin(elevation))
+        };
+        sampled(gain_db, [azimuth, elevation])
     }
 
     /// Main lobe over the angle from the boresight in the plane of boresight and heading; `None` if the gain does not fall by half to both sides.

@@ -5,11 +5,15 @@
 //!
 //! ```text
 //! Gaussian: -40 log10(e) ln 2 ((asin(x / sqrt(1 - y^2)) / w)^2 + (asin(y) / v)^2)
+//! Cosine:   (10 / ln 10) (q_az (ln(1 - x^2 - y^2) - ln(1 - y^2)) + q_el ln(1 - y^2))
 //! Aperture: 20 log10(sinc(h x / sin(w/2)) sinc(h y / sin(v/2))),    sinc(h) = 1 / sqrt 2
 //! ```
 //!
 //! from `asin(x)^2 = sum (2x)^(2n) / (2 n^2 C(2n, n))`, `ln sinc(x) = -sum zeta(2n) x^(2n) / n` and `(1 - y^2)^-n`, each up to the exponent [`EXPONENT`].
 //! Within 20 deg of the boresight the truncation is below 1e-4 dB for a width of 40 deg; an aperture has no side lobes.
+//!
+//! A pattern of samples ([`Pattern::Table`]) has no such polynomial: its antenna is not written, and neither is the other of its channel. An antenna steered
+//! to a point has the axes of each pulse.
 //!
 //! Axes are polynomials of time, as few coefficients as suffice, at most [`TERMS`]. An antenna whose axes are further off them than 1 % of its narrowest width
 //! is not written, and neither is the other of its channel.
@@ -17,6 +21,7 @@
 use glam::{DQuat, DVec3};
 use subaperture_signal::dense;
 
+use subaperture_model::antenna::cosine_exponent;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::Pulse;
 use subaperture_model::radar::{Antenna, MountedAntennas, Pattern};
@@ -66,26 +71,21 @@ impl<'a> Described<'a> {
         let times_s: Vec<f64> = pulses.iter().map(|pulse| pulse.time_s).collect();
         let axes = |i: usize| {
             let antenna = &carried.antennas[i];
-            let most_rad = match antenna.pattern {
-                Pattern::Isotropic => ANY_RAD,
-                Pattern::Gaussian {
-                    azimuth_rad,
-                    elevation_rad,
-                }
-                | Pattern::Aperture {
-                    azimuth_rad,
-                    elevation_rad,
-                } => AXIS_ERROR * azimuth_rad.min(elevation_rad),
+            if let Pattern::Table(_) = antenna.pattern {
+                return None;
+            }
+            let narrowest_rad = antenna.narrowest_rad();
+            let most_rad = narrowest_rad.map_or(ANY_RAD, |width_rad| AXIS_ERROR * width_rad);
+            let axis = |which: usize| -> Option<[Vec<f64>; 3]> {
+                let turned = |(attitudes, pulse): (&[DQuat; 2], &Pulse)| {
+                    let from_m = [pulse.transmitter_m, pulse.receiver_m][i];
+                    let axes = antenna.axes(attitudes[i], from_m);
+                    frame.direction_to_ecf(axes[which].normalize_or_zero())
+                };
+                let axis = carried.attitudes.iter().zip(pulses).map(turned);
+                fit(&times_s, &axis.collect::<Vec<_>>(), most_rad)
             };
-            let axis = |own: DVec3| -> Option<[Vec<f64>; 3]> {
-                let turned = |attitudes: &[DQuat; 2]| frame.direction_to_ecf(attitudes[i] * own);
-                let axis: Vec<DVec3> = carried.attitudes.iter().map(turned).collect();
-                fit(&times_s, &axis, most_rad)
-            };
-            Some([
-                axis(antenna.up.cross(antenna.boresight).normalize_or_zero())?,
-                axis(antenna.up.normalize_or_zero())?,
-            ])
+            Some([axis(1)?, axis(2)?])
         };
         (carried.attitudes.len() == pulses.len()).then_some(())?;
         Some(Self {
@@ -195,6 +195,25 @@ pub(super) fn gain_db(pattern: &Pattern) -> Vec<(usize, usize, f64)> {
                 }
             }
         }
+        Pattern::Cosine {
+            azimuth_rad,
+            elevation_rad,
+        } => {
+            let [azimuth, elevation] = [azimuth_rad, elevation_rad].map(cosine_exponent);
+            // ln(1 - u) = -sum u^n / n, and (x^2 + y^2)^n = sum C(n, m) x^(2 (n - m)) y^(2 m).
+            for n in 1..=EXPONENT / 2 {
+                let term = -db / n as f64;
+                let mut binomial = 1.0;
+                for m in 0..n {
+                    terms.push((2 * (n - m), 2 * m, azimuth * term * binomial));
+                    binomial *= (n - m) as f64 / (m + 1) as f64;
+                }
+                // That of y^(2 n) has azimuth - azimuth + elevation.
+                terms.push((0, 2 * n, elevation * term));
+            }
+        }
+        // Described::new refuses tables.
+        Pattern::Table(_) => {}
         Pattern::Aperture {
             azimuth_rad,
             elevation_rad,
@@ -230,6 +249,10 @@ mod tests {
                 azimuth_rad,
                 elevation_rad,
             },
+            Pattern::Cosine {
+                azimuth_rad,
+                elevation_rad,
+            },
             Pattern::Aperture {
                 azimuth_rad,
                 elevation_rad,
@@ -240,7 +263,8 @@ mod tests {
                 offset_m: DVec3::ZERO,
                 boresight: DVec3::Y,
                 up: DVec3::Z,
-                pattern,
+                pattern: pattern.clone(),
+                aim_m: None,
             };
             let terms = gain_db(&pattern);
             for az_deg in [-20.0, -7.0, 0.0, 13.0, 20.0f64] {

@@ -11,6 +11,7 @@ use super::pvp::Layout;
 use crate::container::channels::{Arrays, parameters};
 use crate::container::{self, Element, MetadataError, SignalFormat};
 use crate::xml::DEFAULT_MEMORY_BYTES;
+use subaperture_model::antenna::MountedAntennas;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Beam, Channel, NoBeam, Pulse};
 
@@ -112,6 +113,13 @@ pub struct CphdInfo {
     pub(super) antennas: Antennas,
 }
 
+/// Middle frequency of a channel; `None` without pulses.
+fn centre_hz(channel: &ChannelInfo, pulses: &[Pulse], samples: usize) -> Option<f64> {
+    let middle = pulses.get(pulses.len() / 2)?;
+    let stated_hz = channel.fx_c_hz.filter(|hz| *hz > 0.0);
+    Some(stated_hz.unwrap_or_else(|| middle.frequency_hz(samples / 2)))
+}
+
 impl CphdInfo {
     /// Parse the XML block of a CPHD file, or an XML file of the same content. The positions of per-vector parameters
     /// are checked by [`super::Cphd::open`].
@@ -133,13 +141,26 @@ impl CphdInfo {
         vectors: Option<&[[AntennaVector; 2]]>,
         samples: usize,
     ) -> Result<Option<Beam>, NoBeam> {
-        let (Some(middle), Some(ids)) = (pulses.get(pulses.len() / 2), &channel.antennas) else {
+        let (Some(centre_hz), Some(ids)) = (centre_hz(channel, pulses, samples), &channel.antennas)
+        else {
             return Ok(None);
         };
-        let centre_hz = (channel.fx_c_hz.filter(|hz| *hz > 0.0))
-            .unwrap_or_else(|| middle.frequency_hz(samples / 2));
         self.antennas
             .beam(ids, &self.frame, pulses, vectors, centre_hz)
+    }
+
+    /// Antennas of a channel with their attitudes at these pulses; arguments as of [`Self::beam`].
+    pub(super) fn mounted(
+        &self,
+        channel: &ChannelInfo,
+        pulses: &[Pulse],
+        vectors: Option<&[[AntennaVector; 2]]>,
+        samples: usize,
+    ) -> Option<MountedAntennas> {
+        let centre_hz = centre_hz(channel, pulses, samples)?;
+        let ids = channel.antennas.as_ref()?;
+        self.antennas
+            .mounted(ids, &self.frame, pulses, vectors, centre_hz)
     }
 
     /// Whether the beam of a channel needs the antenna axes or boresights of each vector.

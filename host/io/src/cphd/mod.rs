@@ -99,6 +99,7 @@
 mod antenna;
 mod antenna_fit;
 mod antenna_polynomials;
+mod antenna_table;
 mod antenna_vectors;
 mod antenna_write;
 mod conventions;

@@ -20,6 +20,7 @@ use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::in_xml;
 use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source};
 use crate::date;
+use subaperture_model::antenna::MountedAntennas;
 use subaperture_model::phase_history::{
     Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory,
     PhaseReference, PhaseSign, Pulse, ReadError, check_finite, misplaced, named_pulses,
@@ -508,14 +509,16 @@ impl PhaseHistory for Cphd {
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
-        let Collection {
-            pulses,
-            num_samples,
-            ..
-        } = &self.collection;
+        let (pulses, samples) = (&self.collection.pulses, self.collection.num_samples);
+        let vectors = self.antennas.as_deref();
+        self.info().beam(self.channel(), pulses, vectors, samples)
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        let (pulses, samples) = (&self.collection.pulses, self.collection.num_samples);
         let vectors = self.antennas.as_deref();
         self.info()
-            .beam(self.channel(), pulses, vectors, *num_samples)
+            .mounted(self.channel(), pulses, vectors, samples)
     }
 
     fn start_ns(&self) -> Option<i64> {

@@ -137,7 +137,13 @@ impl Take {
                     .with_defects(self.history.defects());
             }
             if count == 1 {
-                history = history.with_stated_beam(self.history.stated_beam());
+                let antennas = self.history.antennas().map(|mut mounted| {
+                    mounted.attitudes = own.iter().map(|&n| mounted.attitudes[n]).collect();
+                    mounted
+                });
+                history = history
+                    .with_stated_beam(self.history.stated_beam())
+                    .with_antennas(antennas);
             }
             if let [convention, ..] = *self.history.phase_conventions() {
                 history = history.with_convention(convention);
@@ -321,7 +327,8 @@ impl RecordingFile {
         let history = (history.with_warnings(pulses.antennas.warnings().to_vec()))
             .with_warnings(found.report.warnings)
             .with_defects(found.report.defects)
-            .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen));
+            .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen))
+            .with_antennas(beam::mounted(&pulses.antennas, &pulses.chosen));
         Ok(Take {
             history,
             pulses: pulses

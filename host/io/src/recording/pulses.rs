@@ -1,5 +1,7 @@
 //! Selection of pulses, their times, and the antenna positions.
 
+use std::path::Path;
+
 use super::arrays::Source;
 use super::in_flight::InFlight;
 use super::keys::{
@@ -7,6 +9,7 @@ use super::keys::{
 };
 use super::samples::Rows;
 use super::track::{self, Track};
+use crate::pattern_csv::tables_in;
 use subaperture_describe::declare::Located;
 use subaperture_describe::error::Fault;
 use subaperture_describe::place::OriginKeys;
@@ -132,7 +135,7 @@ pub(super) fn select(
     let origin = top.scene.origin.as_ref();
     let frame = origin.map_or(SceneFrame::Local, OriginKeys::frame);
     let (times_s, timed) = times(radar, source, count)?;
-    let channels = channels(radar, recording, &times_s, timed)?;
+    let channels = channels(radar, recording, (&times_s, timed), source.folder)?;
     let latest_s = channels.iter().map(|c| c.after_s).fold(0.0, f64::max);
     let ends = times_s
         .iter()
@@ -330,20 +333,22 @@ fn speed_m_s(track: &Track, time_s: f64) -> f64 {
 fn channels(
     radar: &RadarKeys,
     recording: &RecordingKeys,
-    times_s: &[f64],
-    timed: bool,
+    (times_s, timed): (&[f64], bool),
+    folder: &Path,
 ) -> Result<Vec<Channel>, Fault> {
     let transmitters = used(
         ("transmitter", "T"),
         &radar.transmitter,
         *recording.transmitters,
         recording.transmitter.as_ref(),
+        folder,
     )?;
     let receivers = used(
         ("receiver", "R"),
         &radar.receiver,
         *recording.receivers,
         recording.receiver.as_ref(),
+        folder,
     )?;
     let turns = *recording.transmitters as f64;
     let interval_s = match (radar.transmitter_interval_s, times_s) {
@@ -382,12 +387,13 @@ fn used(
     sections: &[AntennaKeys],
     count: usize,
     selected: Option<&Located<usize>>,
+    folder: &Path,
 ) -> Result<Vec<Used>, Fault> {
     let plural = format!("{kind}s");
     let given = sections
         .iter()
         .map(|section| (&section.mount, &section.beam));
-    let antennas: Vec<Antenna> = radar::antennas_of(given, letter)?;
+    let antennas: Vec<Antenna> = radar::antennas_of(given, letter, &tables_in(folder))?;
     if let Some(section) = sections.get(1)
         && sections.len() != count
     {

@@ -22,6 +22,8 @@ pub(super) struct Facts<'a> {
     pub(super) moves: bool,
     /// Antennas that the text describes.
     pub(super) antennas: Option<&'a MountedAntennas>,
+    /// Names of the tables of their patterns.
+    pub(super) tables: [&'a str; 2],
 }
 
 /// Largest allowed difference between a reference path and its point's, metres: rounding at 1000 km.
@@ -52,8 +54,9 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     }
     radar(&mut text, &collection.waveform, facts.moves);
     if let Some(carried) = facts.antennas {
-        antenna(&mut text, "transmitter", &carried.antennas[0]);
-        antenna(&mut text, "receiver", &carried.antennas[1]);
+        for (i, section) in ["transmitter", "receiver"].into_iter().enumerate() {
+            antenna(&mut text, section, &carried.antennas[i], facts.tables[i]);
+        }
     }
     text += &format!(
         "\n[platform]\nkind = \"arrays\"\ntimes = \"{}\"\npositions = \"{}\"\n",
@@ -74,7 +77,7 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
 }
 
 /// Section of an antenna whose position is given by the track.
-fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
+fn antenna(text: &mut String, section: &str, antenna: &Antenna, table: &str) {
     let vector = |v: DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
     let (kind, widths) = match antenna.pattern {
         Pattern::Isotropic => ("isotropic", None),
@@ -82,21 +85,33 @@ fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
             azimuth_rad,
             elevation_rad,
         } => ("gaussian", Some([azimuth_rad, elevation_rad])),
+        Pattern::Cosine {
+            azimuth_rad,
+            elevation_rad,
+        } => ("cosine", Some([azimuth_rad, elevation_rad])),
         Pattern::Aperture {
             azimuth_rad,
             elevation_rad,
         } => ("aperture", Some([azimuth_rad, elevation_rad])),
+        Pattern::Table(_) => ("table", None),
     };
     text.push_str(&format!(
-        "\n[[radar.{section}]]\nname = {}\nboresight = \"{}\"\nup = \"{}\"\npattern = \"{kind}\"\n",
+        "\n[[radar.{section}]]\nname = {}\nboresight = \"{}\"\nup = \"{}\"\n",
         quoted(&antenna.name),
         vector(antenna.boresight),
         vector(antenna.up)
     ));
+    if let Some(aim_m) = antenna.aim_m {
+        text.push_str(&format!("aim = \"{} m\"\n", vector(aim_m)));
+    }
+    text.push_str(&format!("pattern = \"{kind}\"\n"));
     if let Some([azimuth, elevation]) = widths {
         text.push_str(&format!(
             "azimuth = \"{azimuth} rad\"\nelevation = \"{elevation} rad\"\n"
         ));
+    }
+    if let Pattern::Table(_) = antenna.pattern {
+        text.push_str(&format!("table = \"{table}\"\n"));
     }
 }
 
@@ -146,17 +161,7 @@ pub(super) fn describes_attitude(carried: &MountedAntennas, pulses: &[EchoPulse]
 /// Largest permitted error of a described attitude, radians.
 fn tolerance_rad(carried: &MountedAntennas) -> f64 {
     let narrowest_rad = (carried.antennas.iter())
-        .filter_map(|antenna| match antenna.pattern {
-            Pattern::Isotropic => None,
-            Pattern::Gaussian {
-                azimuth_rad,
-                elevation_rad,
-            }
-            | Pattern::Aperture {
-                azimuth_rad,
-                elevation_rad,
-            } => Some(azimuth_rad.min(elevation_rad)),
-        })
+        .filter_map(Antenna::narrowest_rad)
         .fold(f64::INFINITY, f64::min);
     SAME_ATTITUDE * narrowest_rad
 }

@@ -7,6 +7,7 @@
 //! | `track-times.npy` | times of the track, seconds |
 //! | `transmitter.npy` | transmitter positions by the measured track, x, y, z, metres |
 //! | `receiver.npy` | receiver positions, if they differ |
+//! | `transmitter-pattern.csv`, `receiver-pattern.csv` | antenna patterns given as tables |
 //! | `recording.toml` | the description |
 //!
 //! With several channels the file names end in the channel's identifier: `echoes-T1R2.npy`. A recording has one
@@ -35,13 +36,14 @@ use super::text::{Facts, describe, describes_attitude};
 use crate::atomic;
 use crate::npy::ArrayWriter;
 use crate::ours::{array_line, marked_description};
+use crate::pattern_csv;
 use crate::receive::Echoes;
 use crate::staging::{Contents, Staged, StagedEntry, StagedFile};
 use crate::together::FileSet;
 use crate::written::{ChannelSize, FileKind, WrittenFile};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
-use subaperture_model::radar::{MountedAntennas, Waveform};
+use subaperture_model::radar::{MountedAntennas, Pattern, PatternTable, Waveform};
 
 /// Maximum bytes of samples read at a time, unless one pulse is larger.
 const BLOCK_BYTES: usize = 1 << 20;
@@ -96,7 +98,7 @@ pub enum WriteError {
 }
 
 /// Names of the files that [`write()`] writes for channels with these identifiers. A receiver's file is written only
-/// if it is separate.
+/// if it is separate, a pattern only if it is a table.
 pub fn names(ids: &[&str]) -> Vec<String> {
     let stems = [
         ("echoes", "npy"),
@@ -104,6 +106,8 @@ pub fn names(ids: &[&str]) -> Vec<String> {
         ("track-times", "npy"),
         ("transmitter", "npy"),
         ("receiver", "npy"),
+        ("transmitter-pattern", "csv"),
+        ("receiver-pattern", "csv"),
         ("recording", "toml"),
     ];
     let of = |id: &str| stems.map(|(stem, end)| name(stem, end, id, ids.len() > 1));
@@ -163,6 +167,12 @@ pub fn add_to(
             monitor.progress(done as f64 / total_bytes as f64);
         })?;
         arrays.push((&plan.samples, echoes));
+        for (name, table) in &plan.tables {
+            let about = staged.write(name, |file| {
+                io::Write::write_all(file, pattern_csv::text(table).as_bytes())
+            })?;
+            arrays.push((name, about));
+        }
         // Lets a later run recognise the arrays that it may replace.
         let mut text = plan.text.clone() + "\n";
         for (name, about) in arrays {
@@ -194,6 +204,8 @@ struct Plan<'a> {
     track_times: String,
     transmitter: String,
     receiver: Option<String>,
+    /// Names and samples of the patterns that are tables.
+    tables: Vec<(String, PatternTable)>,
     description: String,
     text: String,
     /// Indices of the samples of a pulse at which the track is written, including the middle one.
@@ -222,6 +234,7 @@ impl<'a> Plan<'a> {
             track_times: name("track-times", "npy"),
             transmitter: name("transmitter", "npy"),
             receiver: apart.then(|| name("receiver", "npy")),
+            tables: Vec::new(),
             description: name("recording", "toml"),
             text: String::new(),
             fixes: fixes.into_iter().collect(),
@@ -233,6 +246,16 @@ impl<'a> Plan<'a> {
                 raw.id
             )));
         }
+        let patterns = ["transmitter-pattern", "receiver-pattern"].map(|stem| name(stem, "csv"));
+        let antennas = described(raw);
+        for (name, antenna) in patterns
+            .iter()
+            .zip(antennas.iter().flat_map(|a| &a.antennas))
+        {
+            if let Pattern::Table(table) = &antenna.pattern {
+                plan.tables.push((name.clone(), table.clone()));
+            }
+        }
         let facts = Facts {
             samples: &plan.samples,
             times: &plan.times,
@@ -240,7 +263,8 @@ impl<'a> Plan<'a> {
             transmitter: &plan.transmitter,
             receiver: plan.receiver.as_deref(),
             moves,
-            antennas: described(raw),
+            antennas,
+            tables: patterns.each_ref().map(String::as_str),
         };
         plan.text = describe(collection, &facts).map_err(|what| plan.unsuited(&what))?;
         Ok(plan)
@@ -260,7 +284,9 @@ impl<'a> Plan<'a> {
             &self.track_times,
             &self.transmitter,
         ];
-        names.into_iter().chain(&self.receiver).map(String::as_str)
+        let tables = self.tables.iter().map(|(name, _)| name);
+        let names = names.into_iter().chain(&self.receiver).chain(tables);
+        names.map(String::as_str)
     }
 
     /// Arrays and description of the channel.

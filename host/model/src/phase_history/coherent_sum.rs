@@ -26,6 +26,7 @@ use super::{
     Beam, Channel, ChannelError, Channels, Collection, Defect, InputFile, NoBeam, PhaseConvention,
     PhaseHistory, ReadError,
 };
+use crate::antenna::MountedAntennas;
 
 /// Phase history of the pulses of several channels.
 pub struct CoherentSum<'a> {
@@ -138,6 +139,14 @@ impl PhaseHistory for CoherentSum<'_> {
 
     fn channels(&self) -> Vec<Channel> {
         self.channels.about().cloned().collect()
+    }
+
+    /// Antennas of a single channel. Those of several are at different places.
+    fn antennas(&self) -> Option<MountedAntennas> {
+        match self.channels.about().count() {
+            1 => self.channels.channel(0).antennas(),
+            _ => None,
+        }
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

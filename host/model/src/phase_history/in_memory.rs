@@ -9,6 +9,7 @@ use super::{
     Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
     check_finite,
 };
+use crate::antenna::MountedAntennas;
 
 /// Phase history with samples and geometry in memory, for small recordings and tests.
 #[derive(Clone, Debug)]
@@ -21,6 +22,7 @@ pub struct InMemory {
     warnings: Vec<String>,
     defects: Vec<Defect>,
     beam: Result<Option<Beam>, NoBeam>,
+    antennas: Option<MountedAntennas>,
 }
 
 impl InMemory {
@@ -58,6 +60,7 @@ impl InMemory {
             warnings: Vec::new(),
             defects: Vec::new(),
             beam: Ok(None),
+            antennas: None,
         })
     }
 
@@ -78,6 +81,7 @@ impl InMemory {
             warnings: history.warnings(),
             defects: history.defects(),
             beam: history.stated_beam(),
+            antennas: history.antennas(),
             ..Self::new(collection, samples)?
         })
     }
@@ -100,6 +104,13 @@ impl InMemory {
     #[must_use]
     pub fn with_stated_beam(mut self, beam: Result<Option<Beam>, NoBeam>) -> Self {
         self.beam = beam;
+        self
+    }
+
+    /// Set the antennas with their attitudes at each pulse.
+    #[must_use]
+    pub fn with_antennas(mut self, antennas: Option<MountedAntennas>) -> Self {
+        self.antennas = antennas;
         self
     }
 
@@ -157,6 +168,10 @@ impl PhaseHistory for InMemory {
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {
         self.conventions.clone()
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        self.antennas.clone()
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

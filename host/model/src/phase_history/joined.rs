@@ -28,6 +28,7 @@ use super::{
     Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory, Pulse,
     ReadError,
 };
+use crate::antenna::MountedAntennas;
 
 /// Several recordings joined into one aperture.
 pub struct Joined {
@@ -382,6 +383,30 @@ impl PhaseHistory for Joined {
             }
         }
         all
+    }
+
+    /// Antennas of all parts, if they agree.
+    fn antennas(&self) -> Option<MountedAntennas> {
+        let parts = self.parts.iter().map(|part| part.antennas());
+        let parts: Vec<MountedAntennas> = parts.collect::<Option<_>>()?;
+        let Some(whole) = &self.whole else {
+            return parts.into_iter().next();
+        };
+        let antennas = parts.first()?.antennas.clone();
+        if parts.iter().any(|part| part.antennas != antennas) {
+            return None;
+        }
+        let ends = whole.runs.iter().skip(1).map(|run| run.start);
+        let ends = ends.chain([whole.collection.pulses.len()]);
+        let mut attitudes = Vec::with_capacity(whole.collection.pulses.len());
+        for (run, end) in whole.runs.iter().zip(ends) {
+            let own = run.first..run.first + (end - run.start);
+            attitudes.extend_from_slice(parts[run.part].attitudes.get(own)?);
+        }
+        Some(MountedAntennas {
+            antennas,
+            attitudes,
+        })
     }
 
     /// Beam of all parts, if they agree.

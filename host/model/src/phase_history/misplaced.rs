@@ -10,6 +10,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::{Beam, Collection, NoBeam, PhaseHistory, Pulse, ReadError};
+use crate::antenna::MountedAntennas;
 use crate::geometry::SceneFrame;
 use crate::track::{joined, strays};
 
@@ -224,6 +225,13 @@ impl PhaseHistory for Excluding {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.true_antennas.as_deref()
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        let mut mounted = self.history.antennas()?;
+        let attitude = |&n: &usize| mounted.attitudes.get(n).copied();
+        mounted.attitudes = self.kept.iter().map(attitude).collect::<Option<_>>()?;
+        Some(mounted)
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

@@ -37,6 +37,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use crate::SPEED_OF_LIGHT_M_S;
+use crate::antenna::MountedAntennas;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 use crate::track::Displacement;
@@ -309,7 +310,7 @@ pub trait PhaseHistory: Sync + Send {
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
     /// History whose pulses this one presents with changes, if there is one. What describes the recording (start, channels, phase
-    /// conventions, warnings, defects, input files) is then that history's unless overridden. Samples, true positions and beam are not passed on:
+    /// conventions, warnings, defects, input files) is then that history's unless overridden. Samples, true positions, beam and antennas are not passed on:
     /// a change of pulses changes them.
     fn inner(&self) -> Option<&dyn PhaseHistory> {
         None
@@ -357,6 +358,11 @@ pub trait PhaseHistory: Sync + Send {
     /// [`NoBeam`] if the described patterns give no such beam.
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
         Ok(None)
+    }
+
+    /// Antennas with their attitudes at each pulse, if the recording describes patterns for all pulses.
+    fn antennas(&self) -> Option<MountedAntennas> {
+        None
     }
 
     /// Displacement of the target in whose frame the geometry is given; `None` for a frame at rest.

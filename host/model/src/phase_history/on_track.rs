@@ -6,6 +6,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
+use crate::antenna::MountedAntennas;
 use crate::track::Trajectory;
 
 /// Phase history with the antenna positions of another track.
@@ -89,6 +90,13 @@ impl PhaseHistory for OnTrack<'_> {
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         let all = self.history.true_antennas()?;
         all.get(self.recorded(0..self.collection.pulses.len()))
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        let mut mounted = self.history.antennas()?;
+        let recorded = self.recorded(0..self.collection.pulses.len());
+        mounted.attitudes = mounted.attitudes.get(recorded)?.to_vec();
+        Some(mounted)
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

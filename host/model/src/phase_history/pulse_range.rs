@@ -5,6 +5,7 @@ use std::ops::Range;
 use num_complex::Complex32;
 
 use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
+use crate::antenna::MountedAntennas;
 
 /// Consecutive pulses of a phase history, presented as a phase history.
 pub struct PulseRange<'a> {
@@ -58,6 +59,12 @@ impl PhaseHistory for PulseRange<'_> {
 
     fn samples_in_memory(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
         self.history.samples_in_memory(self.within(pulses))
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        let mut mounted = self.history.antennas()?;
+        mounted.attitudes = mounted.attitudes.get(self.pulses())?.to_vec();
+        Some(mounted)
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

@@ -10,6 +10,7 @@ use num_complex::Complex32;
 use super::{
     Beam, Channel, Collection, Defect, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
 };
+use crate::antenna::MountedAntennas;
 use crate::track::Displacement;
 
 /// Pass every method on to the shared history.
@@ -54,6 +55,10 @@ macro_rules! shared {
 
             fn phase_conventions(&self) -> Vec<PhaseConvention> {
                 (**self).phase_conventions()
+            }
+
+            fn antennas(&self) -> Option<MountedAntennas> {
+                (**self).antennas()
             }
 
             fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

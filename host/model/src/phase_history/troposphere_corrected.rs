@@ -6,6 +6,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
+use crate::antenna::MountedAntennas;
 use crate::geometry::{ImageGrid, Troposphere};
 
 /// Phase history compensated for the troposphere: the same samples, with reference paths adjusted by the tropospheric
@@ -108,6 +109,10 @@ impl PhaseHistory for TroposphereCorrected<'_> {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.history.true_antennas()
+    }
+
+    fn antennas(&self) -> Option<MountedAntennas> {
+        self.history.antennas()
     }
 
     fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {

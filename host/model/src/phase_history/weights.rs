@@ -64,9 +64,10 @@ impl Weights {
         let Some(illumination) = &self.illumination else {
             return self.normalisation();
         };
-        match illumination.slow(illumination.block_of(row, column)).1 {
+        let (slow, sum) = illumination.slow(illumination.block_of(row, column));
+        match sum {
             0.0 => 0.0,
-            sum => 1.0 / (self.fast.iter().sum::<f64>() * sum),
+            sum => illumination.gain(&slow, row, column) / (self.fast.iter().sum::<f64>() * sum),
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Radar: waveform, antennas and receiver.
 
 mod mounted_antennas;
-mod pattern;
 mod shape;
 mod waveform;
 
@@ -10,7 +9,7 @@ use num_complex::Complex64;
 
 use crate::phase_history::Band;
 
-pub use mounted_antennas::{MountedAntennas, is_directive};
+pub use crate::antenna::{Antenna, MountedAntennas, Pattern, PatternTable, is_directive};
 
 /// Radar with its waveform, antennas and receiver.
 #[derive(Clone, Debug)]
@@ -131,44 +130,6 @@ pub enum PulseShape {
         rate_hz: f64,
         /// Band in use, about 0 Hz.
         bandwidth_hz: f64,
-    },
-}
-
-/// Antenna on a body.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Antenna {
-    /// Name for channels and errors.
-    pub name: String,
-    /// Phase centre, metres in body axes.
-    pub offset_m: DVec3,
-    /// Unit vector of the boresight, body axes.
-    pub boresight: DVec3,
-    /// Unit vector of the beam's elevation axis, body axes, orthogonal to `boresight`; azimuth is the rotation about
-    /// it.
-    pub up: DVec3,
-    /// Antenna pattern.
-    pub pattern: Pattern,
-}
-
-/// Amplitude of an antenna over direction, one way, 1 on boresight.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Pattern {
-    /// Equal in all directions.
-    #[default]
-    Isotropic,
-    /// `exp(-2 ln 2 ((az / az_w)^2 + (el / el_w)^2))` in amplitude: half the power at half the widths.
-    Gaussian {
-        /// Full half-power width in azimuth (about `up`), radians.
-        azimuth_rad: f64,
-        /// Full half-power width in elevation, radians.
-        elevation_rad: f64,
-    },
-    /// Uniformly illuminated rectangular aperture: sinc in both planes, with side lobes.
-    Aperture {
-        /// Full half-power width in azimuth, radians.
-        azimuth_rad: f64,
-        /// Full half-power width in elevation, radians.
-        elevation_rad: f64,
     },
 }
 

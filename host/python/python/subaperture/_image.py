@@ -41,6 +41,7 @@ def focus(
     squint_deg: float | None = None,
     doppler_band_hz: float | None = None,
     doppler_centroid_hz: float | None = None,
+    antenna_weights: str = "none",
     memory: Memory | None = None,
     portable: bool = False,
     allow_error: bool = False,
@@ -87,6 +88,9 @@ def focus(
     doppler_centroid_hz : float, optional
         Doppler centroid of that band, hertz, positive for echoes from forward of broadside. Default: the middle of the beam stated by the recording, or
         the centroid of the Doppler spectrum.
+    antenna_weights : str
+        ``"matched"`` weights pulses by the antenna patterns of the recording and divides each pixel by the response of a point scatterer, which then
+        reads its amplitude anywhere in the beam. ``"none"`` ignores the patterns.
     memory : int or str, optional
         Memory limit for image, samples and scratch, in bytes or as ``"2G"``. Default: half of the machine's memory.
     portable : bool
@@ -131,6 +135,7 @@ def image_plan(
     squint_deg: float | None = None,
     doppler_band_hz: float | None = None,
     doppler_centroid_hz: float | None = None,
+    antenna_weights: str = "none",
     scratch: Memory | None = None,
     portable: bool = False,
     allow_error: bool = False,
@@ -143,7 +148,7 @@ def image_plan(
     ----------
     scratch : int or str, optional
         Memory for tables and buffers of one thread, which the plan depends on. Default: 48 MiB.
-    recording, grid, surface, geoid, troposphere, former, window, slow_window, beam, squint_deg, doppler_band_hz, doppler_centroid_hz, portable, allow_error, progress, **options
+    recording, grid, surface, geoid, troposphere, former, window, slow_window, beam, squint_deg, doppler_band_hz, doppler_centroid_hz, antenna_weights, portable, allow_error, progress, **options
         As for :func:`focus`. Processes that form the tiles with ``subap focus --plan`` need ``--troposphere`` again: it changes the recording, which a
         plan does not contain.
 

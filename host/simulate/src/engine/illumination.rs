@@ -65,8 +65,8 @@ impl<'a> Illumination<'a> {
     }
 
     fn is_isotropic(&self) -> bool {
-        let even = |pattern| pattern == Pattern::Isotropic;
-        even(self.view.transmitter.pattern) && even(self.view.receiver.pattern)
+        let even = |pattern: &Pattern| *pattern == Pattern::Isotropic;
+        even(&self.view.transmitter.pattern) && even(&self.view.receiver.pattern)
     }
 
     /// Obstacles that may affect points within a distance of `centre_m`.
@@ -85,10 +85,8 @@ impl<'a> Illumination<'a> {
         if self.shade.is_some_and(|shade| shade.hides(point_m)) {
             return 0.0;
         }
-        let one = |antenna: &Antenna, from_m: DVec3| {
-            let towards = (point_m - from_m).normalize_or_zero();
-            antenna.amplitude(self.attitude, towards)
-        };
+        let one =
+            |antenna: &Antenna, from_m: DVec3| antenna.amplitude_at(self.attitude, from_m, point_m);
         let beam = match self.is_isotropic() {
             true => 1.0,
             false => {

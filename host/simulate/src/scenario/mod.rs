@@ -63,6 +63,7 @@ use around::Around;
 use error::{ALLOW_MORE_MEMORY, Fault};
 use keys::{ScenarioKeys, Summation};
 use subaperture_describe::{Description, error};
+use subaperture_io::pattern_csv;
 
 pub use keys::reference;
 pub use subaperture_describe::{DescriptionError as ScenarioError, RenderedFault};
@@ -140,7 +141,7 @@ impl Scenario {
         let seed = top.seed;
         let one = |found| vec![found];
         let place = scene::place(&top.scene).map_err(one)?;
-        let mut radar = top.radar.build()?;
+        let mut radar = top.radar.build(&pattern_csv::tables_in(folder))?;
         let pulses_bytes = BYTES_A_PULSE
             .saturating_mul(radar.num_pulses as u64)
             .saturating_mul(radar.receivers.len() as u64);

@@ -92,6 +92,8 @@ fn files() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let csv = "time_s,x_m,y_m,z_m\n0,-3,-5000,3000\n0.03,0,-5000,3000\n0.06,3,-5000,3000\n";
     std::fs::write(folder.path().join("track.csv"), csv).unwrap();
+    let pattern = "azimuth_deg,gain_db\n-5,-3\n0,0\n5,-3\n";
+    std::fs::write(folder.path().join("pattern.csv"), pattern).unwrap();
     std::fs::write(
         folder.path().join("track.log"),
         include_str!("inspvaxa.txt"),

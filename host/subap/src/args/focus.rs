@@ -7,6 +7,7 @@ use std::str::FromStr;
 use clap::{Args as Group, ValueEnum, ValueHint};
 use glam::DVec3;
 use serde::{Deserialize, Deserializer};
+use subaperture::focus::beam::AntennaWeights;
 use subaperture::focus::{BoundPolicy, Numerics, TimeModel};
 use subaperture::geometry::Axis;
 use subaperture::signal::window::Window;
@@ -32,7 +33,7 @@ pub(crate) struct Focus {
 
     /// Form the image from the maps of an embedded module instead of a recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "files", "channel", "channels", "set", "velocity", "motion", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "doppler_band", "doppler_centroid", "scratch", "check", "portable",
+        "files", "channel", "channels", "set", "velocity", "motion", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "doppler_band", "doppler_centroid", "antenna_weights", "scratch", "check", "portable",
         "model", "device"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -66,7 +67,7 @@ pub(crate) struct Focus {
     /// Detect moving targets as subap gmti does with its defaults, and write them to this file: each channel (all, or those of --channels) is focused
     /// once, and the image is the mean of the registered channels. Needs a recording of two or more channels along the track
     #[arg(long, value_name = "GEOJSON", value_hint = ValueHint::FilePath, value_parser = output(), conflicts_with_all = [
-        "from_maps", "channel", "velocity", "motion", "surface", "geoid", "troposphere", "track", "navigation", "phase", "allow_error", "beam", "squint", "doppler_band", "doppler_centroid", "scratch", "check",
+        "from_maps", "channel", "velocity", "motion", "surface", "geoid", "troposphere", "track", "navigation", "phase", "allow_error", "beam", "squint", "doppler_band", "doppler_centroid", "antenna_weights", "scratch", "check",
         "tiled", "resume", "plan", "tiles", "dry_run"
     ])]
     pub(crate) gmti: Option<PathBuf>,
@@ -124,6 +125,26 @@ impl fmt::Display for BeamWidth {
             Self::Given(width_rad) => write!(f, "{} deg", width_rad.to_degrees()),
             Self::Estimated => f.write_str("auto"),
             Self::None => f.write_str("none"),
+        }
+    }
+}
+
+/// Weights of pulses by antenna patterns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum AntennaWeighting {
+    /// Antenna patterns have no effect on weights
+    #[default]
+    None,
+    /// Matched filter over the pulses, and pixels normalised by the response of a point scatterer
+    Matched,
+}
+
+impl From<AntennaWeighting> for AntennaWeights {
+    fn from(weighting: AntennaWeighting) -> Self {
+        match weighting {
+            AntennaWeighting::None => Self::None,
+            AntennaWeighting::Matched => Self::Matched,
         }
     }
 }
@@ -205,6 +226,11 @@ pub(crate) struct Forming {
     /// from the azimuth Doppler spectrum]
     #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = any(Dimension::Frequency), requires = "doppler_band")]
     pub(crate) doppler_centroid: Option<f64>,
+
+    /// Weights of pulses by the recording's antenna patterns. A point scatterer then reads its amplitude anywhere in the beam. The patterns
+    /// select the pulses of each pixel unless --beam or --doppler-band is given
+    #[arg(long, value_enum, value_name = "WEIGHTS", default_value_t)]
+    pub(crate) antenna_weights: AntennaWeighting,
 
     /// Use Fourier transforms with the same bits on every machine; they take two to four times as long
     #[arg(long)]

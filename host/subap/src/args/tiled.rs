@@ -19,7 +19,7 @@ pub(crate) struct Tiled {
 
     /// Execute a plan of subap plan focus; finished tiles are kept
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "allow_error", "beam", "squint", "doppler_band", "doppler_centroid", "window", "slow_window", "pixels", "surface", "geoid", "scratch", "portable", "model", "device"
+        "from_maps", "allow_error", "beam", "squint", "doppler_band", "doppler_centroid", "antenna_weights", "window", "slow_window", "pixels", "surface", "geoid", "scratch", "portable", "model", "device"
     ])]
     pub(crate) plan: Option<PathBuf>,
 

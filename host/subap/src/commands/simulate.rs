@@ -322,8 +322,8 @@ impl Written {
         for channel in channels {
             if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
                 messages::warning(format!(
-                    "channel {}: antenna patterns are not in the file, because a fifth-order polynomial in time does not fit \
-                     the antennas' attitude: give the beam with subap focus --beam",
+                    "channel {}: antenna patterns are not in the file, because a pattern is a table, or a fifth-order polynomial in \
+                     time does not fit the antennas' attitude: give the beam with subap focus --beam, or write the raw data with --echoes",
                     channel.id
                 ));
             }

@@ -182,7 +182,17 @@ impl Exact {
                 let block = |i: &usize| illumination.block_of(i / columns, i % columns);
                 let blocks: Vec<usize> = pixels.iter().map(block).collect();
                 let task = (history, memory_bytes, monitor);
-                in_blocks(task, (weights, illumination), &blocks, &points)?
+                let mut values = in_blocks(task, (weights, illumination), &blocks, &points)?;
+                let gain = |i: &usize| {
+                    let (slow, _) = illumination.slow(block(i));
+                    illumination.gain(&slow, i / columns, i % columns)
+                };
+                let gains: Vec<f64> = pixels.par_iter().map(gain).collect();
+                values
+                    .iter_mut()
+                    .zip(gains)
+                    .for_each(|(z, gain)| *z *= gain);
+                values
             }
         };
         let spec = ImageSpec::new(history.collection(), grid, weights);
@@ -216,7 +226,7 @@ fn in_blocks(
         let part = PulseRange::new(history, pulses);
         let weights = Weights {
             fast: weights.fast.clone(),
-            slow: illumination.slow(block).0.to_vec(),
+            slow: illumination.slow(block).0.into_owned(),
             illumination: None,
             windows: None,
         };

@@ -1,8 +1,9 @@
-//! Antenna beam of an image: given by options, stated by the recording, or estimated from the Doppler spectrum.
+//! Antenna beam of an image: given by options, stated by the recording, or estimated from the Doppler spectrum; and weights by antenna patterns.
 
 use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::{
-    Beam, BeamChoice, BeamSource, BeamWarning, ChosenBeam, InBeam, Rejected, choose,
+    AntennaWeights, Beam, BeamChoice, BeamSource, BeamWarning, ChosenBeam, InBeam, Rejected,
+    choose, limited,
 };
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::PhaseHistory;
@@ -20,7 +21,9 @@ pub(crate) fn former(
     grid: &ImageGrid,
 ) -> anyhow::Result<Box<dyn ImageFormer>> {
     let plain = typed.forming.former.former()?;
-    let choice = choice(typed);
+    let weights = AntennaWeights::from(typed.forming.antenna_weights);
+    let patterns = weights.patterns(history)?;
+    let choice = weights.beam(choice(typed));
     if let BeamChoice::Given {
         width_rad,
         squint_rad,
@@ -47,11 +50,10 @@ pub(crate) fn former(
             _ => warning.to_string(),
         });
     }
-    let Some(beam) = chosen.beam.clone() else {
-        return Ok(plain);
-    };
-    messages::note(&describe(&chosen, &beam, choice != BeamChoice::Stated));
-    Ok(Box::new(InBeam::new(plain, beam)?))
+    if let Some(beam) = &chosen.beam {
+        messages::note(&describe(&chosen, beam, choice != BeamChoice::Stated));
+    }
+    Ok(limited(plain, patterns, chosen.beam)?)
 }
 
 fn choice(typed: &Imaging) -> BeamChoice {

@@ -13,6 +13,7 @@ use subaperture::resolution::support::RecordedLooks;
 
 use super::check::Check;
 use super::job::Job;
+use crate::args::AntennaWeighting;
 use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
@@ -105,6 +106,7 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
     let typed = job.typed;
     let image = &typed.image;
     let mut given = image.forming.former.record();
+    let is_matched = image.forming.antenna_weights == AntennaWeighting::Matched;
     let others = [
         ("grid", json!(image.grid.pixels.is_some())),
         ("surface", json!(image.grid.surface.to_string())),
@@ -121,6 +123,7 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
         ("squint_deg", json!(image.forming.squint)),
         ("doppler_band_hz", json!(image.forming.doppler_band)),
         ("doppler_centroid_hz", json!(image.forming.doppler_centroid)),
+        ("antenna_weights", json!(is_matched.then_some("matched"))),
         (
             "velocity_m_s",
             json!(typed.target.velocity.map(|v| v.to_array())),

@@ -1,0 +1,2 @@
+#![no_main]
+subaperture_fuzz::program!("pattern_csv");
