@@ -124,6 +124,7 @@ fn fast_sum_keeps_bound_with_terrain_obstacles_and_vehicles() {
         offset_m: DVec3::X * x,
         boresight: DVec3::new(0.0, 0.9, -0.3).normalize(),
         up: DVec3::new(0.0, 0.3, 0.9).normalize(),
+        aim_m: None,
         pattern,
     };
     let one = antenna(0.0, Pattern::Isotropic);
