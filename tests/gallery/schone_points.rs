@@ -164,25 +164,38 @@ fn neglected(length: f64) -> f64 {
 fn scene() -> Vec<Figure> {
     let error_db = 10.0 * neglected(40.0).log10();
     let correlation = |db: f64| (1.0 - 10f64.powf(db / 10.0)).sqrt();
-    vec![
-        figure(
-            "correlation of the two complex images",
-            "almost identical",
-            "{}",
-            [Within(
-                correlation(error_db + 1.0),
-                correlation(error_db - 1.0),
-            )],
-            "sqrt(1 - error^2) of the next line",
-        ),
-        figure(
-            "relative RMS difference, phase included",
-            "almost identical",
-            "{} dB",
-            [About(error_db, 1.0)],
-            "the phase that a sub-CPI neglects; Keystone's sinc (-32.9 dB) and reading (-48 dB) add 0.4 dB, lobes beyond the image take some",
-        ),
-    ]
+    let of_scene = |[correlated, differing]: [&'static str; 2]| {
+        [
+            figure(
+                correlated,
+                "almost identical",
+                "{}",
+                [Within(
+                    correlation(error_db + 1.0),
+                    correlation(error_db - 1.0),
+                )],
+                "sqrt(1 - error^2) of the next line",
+            ),
+            figure(
+                differing,
+                "almost identical",
+                "{} dB",
+                [About(error_db, 1.0)],
+                "the phase that a sub-CPI neglects; Keystone's sinc (-32.9 dB) and reading (-48 dB) add 0.4 dB, lobes beyond the image take some",
+            ),
+        ]
+    };
+    let names = [
+        [
+            "correlation of the two complex images, 41 scatterers",
+            "relative RMS difference, phase included, 41 scatterers",
+        ],
+        [
+            "correlation of the two complex images, farm",
+            "relative RMS difference, phase included, farm",
+        ],
+    ];
+    names.into_iter().flat_map(of_scene).collect()
 }
 
 fn point() -> Vec<Figure> {
