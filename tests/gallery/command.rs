@@ -60,6 +60,13 @@ fn reproduce_reuses_items_and_repairs_damaged_ones() {
     assert_eq!(page.matches("<img ").count(), 3);
     assert!(!page.contains("http") && !page.contains("<script"));
 
+    // Images of an interrupted item at full scale may be there.
+    fs::write(
+        folder.join("gallery/.subap-unfinished-01234567.npy"),
+        "image",
+    )
+    .unwrap();
+
     // A second run reuses every file.
     let first = written(folder);
     reproduce(folder);
@@ -132,6 +139,8 @@ fn full_scale_is_forecast_for_the_large_scene() {
             (forecast(id), forecast(&format!("{id} --full")));
         assert!(full_work > 50.0 * work && full_bytes > 10.0 * bytes, "{id}");
     }
+    let few = "reproduce --only s-4-11 --full --memory 2G -o gallery";
+    run(folder.path(), few).failed(1, &["--full", "9.0 GiB", "2.0 GiB", "--memory"]);
     let [quick, full] = [forecast("s-2-3"), forecast("s-2-3 --full")];
     assert!((full[0] / quick[0] - 1.0).abs() < 1e-9 && full[1] == quick[1]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);

@@ -81,13 +81,13 @@ fn interrupted_item_resumes_with_its_second_image() {
         ),
         "{error}"
     );
-    let kept = files(parts, "unfinished-");
+    let kept = files(parts, ".subap-unfinished-");
     assert_eq!(kept.len(), 1, "{kept:?}");
     let resumed = Interrupting::new(f64::INFINITY);
     compute(item, parts, &resumed).unwrap();
     assert!(resumed.first.into_inner().unwrap().unwrap() >= 0.5);
     // The finished item equals that of an uninterrupted run, and its images are removed.
-    assert_eq!(files(parts, "unfinished-"), [""; 0]);
+    assert_eq!(files(parts, ".subap-unfinished-"), [""; 0]);
     for name in files(whole, "s-4-10") {
         assert_eq!(
             fs::read(whole.join(&name)).unwrap(),

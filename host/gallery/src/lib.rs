@@ -17,7 +17,7 @@
 //!
 //! An item already present, computed by the same version from the same inputs, is reused:
 //! an interrupted run resumes. Within an item at the thesis's own scale it resumes after the last finished image, kept as
-//! `unfinished-CRC.npy` until the item is finished. The page is rewritten after every item.
+//! `.subap-unfinished-CRC.npy` until the item is finished. The page is rewritten after every item.
 #![forbid(unsafe_code)]
 
 mod expect;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Finding, Item, unfinished};
+use super::{Context, Finding, Item};
 use subaperture_io::atomic::WriteError;
 use subaperture_io::input::open_file;
 use subaperture_io::json::{self, Limits};
@@ -61,7 +61,6 @@ pub(super) fn names(folder: &Path, items: &[Item]) -> Vec<String> {
         .map(|item| format!("{}.json", item.id))
         .collect();
     names.push("index.html".to_owned());
-    names.extend(unfinished::names(folder));
     // Names of pictures are known from the finding only.
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();

@@ -11,7 +11,8 @@ use subaperture_model::image::Image;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::window::Window;
 
-const START: &str = "unfinished-";
+/// Start and end of the names of images, hidden files.
+const START: &str = ".subap-unfinished-";
 const END: &str = ".npy";
 
 /// File of the image that `former` makes of a collection with this window, by program version, settings and grid.
@@ -47,18 +48,14 @@ pub(crate) fn save(path: &Path, image: &Image) -> Result<(), WriteError> {
     npy::write(path, image)
 }
 
-/// Names of the images in a folder.
-pub(crate) fn names(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    names.filter(|name| is_ours(name)).collect()
-}
-
 /// Delete the images of a finished item.
 pub(crate) fn clear(folder: &Path) {
-    for name in names(folder) {
-        // A file that remains is reused or replaced by a later run.
-        let _ = fs::remove_file(folder.join(name));
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    for name in entries.filter_map(|entry| entry.file_name().into_string().ok()) {
+        if is_ours(&name) {
+            // A file that remains is reused or replaced by a later run.
+            let _ = fs::remove_file(folder.join(name));
+        }
     }
 }
 

@@ -591,7 +591,7 @@ pub(crate) struct Reproduce {
     #[arg(long, value_name = "MAT", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(crate) gotcha: Vec<PathBuf>,
 
-    /// Make the items on the large scene (s-4-10, s-4-11) at the thesis's own scale: 30,000 pulses and 1 km x 1 km, with about 6 GB
+    /// Make the items on the large scene (s-4-10, s-4-11) at the thesis's own scale: 30,000 pulses and 1 km x 1 km, with at least 9 GiB
     /// of memory. An interrupted run resumes after the last finished image
     #[arg(long)]
     pub(crate) full: bool,

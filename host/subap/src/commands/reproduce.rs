@@ -17,8 +17,8 @@ use crate::{messages, text};
 /// Disk space and memory of an item, including its part of the page: the maximum of all items, rounded up.
 const ITEM_BYTES: u64 = 1 << 20;
 const ITEM_HELD_BYTES: u64 = 96 << 20;
-/// Memory of an item at the thesis's own scale.
-const FULL_HELD_BYTES: u64 = 6 << 30;
+/// Memory of an item at the thesis's own scale: samples, image and Keystone weights of 499 pulses with Doppler padded 16 times.
+const FULL_HELD_BYTES: u64 = 9 << 30;
 
 /// Reproduce the items and write the page.
 pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
@@ -35,6 +35,15 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
             text::say(format!("{:<16}{}: {}", item.id, item.source, item.title))?;
         }
         return Ok(());
+    }
+    let is_full = typed.full && chosen.iter().any(|item| item.full_work().is_some());
+    let allowed_bytes = session.memory.total_bytes;
+    if is_full && !typed.rehearsal.dry_run && allowed_bytes < FULL_HELD_BYTES {
+        bail!(
+            "--full: expected at least {} of memory for items at the thesis's own scale, found {}: raise --memory, or leave out --full",
+            text::bytes(FULL_HELD_BYTES.into()),
+            text::bytes(allowed_bytes.into())
+        );
     }
     let gotcha = gotcha_files(&typed.gotcha)?;
     let mut claims = session.claims(&typed.writing, &gotcha);
