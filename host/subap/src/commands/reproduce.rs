@@ -36,9 +36,8 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         }
         return Ok(());
     }
-    let is_full = typed.full && chosen.iter().any(|item| item.full_work().is_some());
     let allowed_bytes = session.memory.total_bytes;
-    if is_full && !typed.rehearsal.dry_run && allowed_bytes < FULL_HELD_BYTES {
+    if is_full(typed, &chosen) && !typed.rehearsal.dry_run && allowed_bytes < FULL_HELD_BYTES {
         bail!(
             "--full: expected at least {} of memory for items at the thesis's own scale, found {}: raise --memory, or leave out --full",
             text::bytes(FULL_HELD_BYTES.into()),
@@ -102,6 +101,11 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Whether an item is made at the thesis's own scale.
+fn is_full(typed: &Reproduce, chosen: &[Item]) -> bool {
+    typed.full && chosen.iter().any(|item| item.full_work().is_some())
+}
+
 /// Predicted cost of the items.
 fn ahead(
     session: &Session,
@@ -115,11 +119,10 @@ fn ahead(
         expected.to_make, expected.there
     );
     let disk_bytes = expected.to_make as u64 * ITEM_BYTES;
-    let is_full = typed.full && chosen.iter().any(|item| item.full_work().is_some());
     Ok(Ahead::new(
         session,
         work,
-        match is_full {
+        match is_full(typed, chosen) {
             true => FULL_HELD_BYTES,
             false => ITEM_HELD_BYTES,
         },
