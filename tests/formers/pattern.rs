@@ -5,9 +5,7 @@ use num_complex::{Complex32, Complex64};
 use subaperture::antenna::AntennaPatterns;
 use subaperture::focus::beam::{AntennaWeights, Beam, BeamSource, InBeam};
 use subaperture::focus::formers::{self, FORMERS, exact::Exact};
-use subaperture::focus::patch::PatchSize;
-use subaperture::focus::plan::InMemory as Tiles;
-use subaperture::focus::{BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, Task, Work};
+use subaperture::focus::{BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Weights};
@@ -16,6 +14,7 @@ use subaperture::signal::window::Window;
 use subaperture_tests::experiment::read_whole;
 
 use crate::pattern_scene::{GRID, PULSES, Scene, scenes};
+use crate::tiles::{Run, WHOLE, execute};
 
 fn patterns(history: &InMemory) -> AntennaPatterns {
     AntennaWeights::Matched.patterns(history).unwrap().unwrap()
@@ -257,28 +256,16 @@ fn tiles_of_stored_plan_with_antenna_weights_are_bit_identical_to_whole_image() 
         let task = Task::new(&history, &grid, &weights);
         let whole = former.form_planned(&task).unwrap().image.pixels;
         let spec = ImageSpec::new(history.collection(), &grid, &weights);
-        let text = Plan::new(&former, &spec, BoundPolicy::Allowed, &Silent)
-            .unwrap()
-            .to_text();
+        let plan = Plan::new(&former, &spec, BoundPolicy::Allowed, &Silent).unwrap();
         for (tile, most_a_pass) in [([11, 75], 9), ([5, 17], 2)] {
-            let mut plan = Plan::from_text(&text).unwrap();
-            plan.tile = PatchSize {
-                rows: tile[0],
-                columns: tile[1],
+            let run = Run {
+                tile: Some(tile),
+                most_a_pass,
+                backwards: true,
+                ..WHOLE
             };
-            let weights = plan.weights(history.collection()).unwrap();
-            let opened = plan.open(history.collection(), &weights).unwrap();
-            let work = Work {
-                history: &history,
-                memory_bytes: 1 << 30,
-                monitor: &Silent,
-            };
-            let indices: Vec<usize> = (0..plan.num_tiles()).rev().collect();
-            let mut image = Tiles::of(&plan);
-            opened
-                .form(&work, &indices, most_a_pass, &mut image)
-                .unwrap();
-            assert!(image.image.pixels == whole, "{} {tile:?}", scene.name);
+            let tiled = execute(&plan, &history, &run);
+            assert!(tiled == whole, "{} {tile:?}", scene.name);
         }
     }
 }

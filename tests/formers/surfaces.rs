@@ -2,14 +2,13 @@
 
 use std::f64::consts::TAU;
 
+use crate::tiles::{Run, WHOLE, execute};
 use crate::track_scene::scene;
 use glam::DVec3;
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex64;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::formers::{FORMERS, former};
-use subaperture::focus::patch::PatchSize;
-use subaperture::focus::plan::InMemory;
-use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, Task, Work};
+use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, Task};
 use subaperture::geometry::{Axis, ImageGrid, Relief};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -244,26 +243,16 @@ fn tiles_on_surfaces_are_bit_identical_to_whole_image() {
         let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
         let spec = ImageSpec::new(history.collection(), &grid, &weights);
         let plan = Plan::new(&*own, &spec, BoundPolicy::Allowed, &Silent).unwrap();
-        let formed = |tile: Option<[usize; 2]>, threads: usize| -> Vec<Complex32> {
-            let mut plan = Plan::from_text(&plan.to_text()).unwrap();
-            assert_eq!(plan.grid, grid);
-            if let Some([rows, columns]) = tile {
-                plan.tile = PatchSize { rows, columns };
-            }
-            let weights = plan.weights(history.collection()).unwrap();
-            let opened = plan.open(history.collection(), &weights).unwrap();
-            let work = Work {
-                history: &history,
-                memory_bytes: 1 << 30,
-                monitor: &Silent,
+        assert_eq!(Plan::from_text(&plan.to_text()).unwrap().grid, grid);
+        let formed = |tile: Option<[usize; 2]>, threads: usize| {
+            let run = Run {
+                threads,
+                tile,
+                most_a_pass: 3,
+                backwards: true,
+                ..WHOLE
             };
-            let indices: Vec<usize> = (0..plan.num_tiles()).rev().collect();
-            let mut image = InMemory::of(&plan);
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let pool = pool.build().unwrap();
-            pool.install(|| opened.form(&work, &indices, 3, &mut image))
-                .unwrap();
-            image.image.pixels
+            execute(&plan, &history, &run)
         };
         let whole = formed(None, 2);
         assert!(whole == formed(Some([11, 19]), 3), "{name}");

@@ -54,15 +54,15 @@ fn plan_on(
 }
 
 /// Parameters of an execution that must not affect the image.
-struct Run {
-    threads: usize,
-    memory_bytes: u64,
-    tile: Option<[usize; 2]>,
-    most_a_pass: usize,
-    backwards: bool,
+pub(crate) struct Run {
+    pub(crate) threads: usize,
+    pub(crate) memory_bytes: u64,
+    pub(crate) tile: Option<[usize; 2]>,
+    pub(crate) most_a_pass: usize,
+    pub(crate) backwards: bool,
 }
 
-const WHOLE: Run = Run {
+pub(crate) const WHOLE: Run = Run {
     threads: 2,
     memory_bytes: 2 << 30,
     tile: None,
@@ -70,7 +70,8 @@ const WHOLE: Run = Run {
     backwards: false,
 };
 
-fn execute(plan: &Plan, history: &dyn PhaseHistory, run: &Run) -> Vec<Complex32> {
+/// Pixels of a plan that is read from its text.
+pub(crate) fn execute(plan: &Plan, history: &dyn PhaseHistory, run: &Run) -> Vec<Complex32> {
     let mut plan = Plan::from_text(&plan.to_text()).unwrap();
     if let Some([rows, columns]) = run.tile {
         plan.tile = PatchSize { rows, columns };

@@ -1,7 +1,7 @@
 //! Image formation with defaults for all settings.
 
 use crate::FocusedImage;
-use subaperture_focus::beam::{AntennaWeights, BeamChoice, EstimateError, InBeam, choose};
+use subaperture_focus::beam::{AntennaWeights, BeamChoice, EstimateError, choose, limited};
 use subaperture_focus::coverage;
 use subaperture_focus::device::Device;
 use subaperture_focus::{
@@ -155,7 +155,7 @@ impl<'a> Focusing<'a> {
 
     /// Form the image, then read the recording's files again for the checksums in the record.
     ///
-    /// A former of another crate forms every pixel from all pulses, unless it is wrapped in [`InBeam`].
+    /// A former of another crate forms every pixel from all pulses, unless it is wrapped in [`InBeam`](subaperture_focus::beam::InBeam).
     ///
     /// # Errors
     /// [`FormError`]; [`FormError::Unsuited`] if a requested beam or antenna weights do not suit the recording, the grid or a former of another crate.
@@ -163,7 +163,7 @@ impl<'a> Focusing<'a> {
         let start = Stopwatch::start();
         let mut warnings = Vec::new();
         let mut image = match self.in_beam(former, &mut warnings)? {
-            Some(in_beam) => self.formed(&in_beam)?,
+            Some(in_beam) => self.formed(&*in_beam)?,
             None => self.formed(former)?,
         };
         image.warnings.append(&mut warnings);
@@ -176,7 +176,7 @@ impl<'a> Focusing<'a> {
         &self,
         former: &F,
         warnings: &mut Vec<String>,
-    ) -> Result<Option<InBeam>, FormError> {
+    ) -> Result<Option<Box<dyn ImageFormer>>, FormError> {
         if former.forms_blocks() {
             return Ok(None);
         }
@@ -204,11 +204,10 @@ impl<'a> Focusing<'a> {
         })?;
         let about_beam = chosen.warnings(self.grid);
         warnings.extend(about_beam.iter().map(ToString::to_string));
-        match (patterns, chosen.beam) {
-            (Some(patterns), beam) => InBeam::matched(again, patterns, beam).map(Some),
-            (None, Some(beam)) => InBeam::new(again, beam).map(Some),
-            (None, None) => Ok(None),
+        if patterns.is_none() && chosen.beam.is_none() {
+            return Ok(None);
         }
+        limited(again, patterns, chosen.beam).map(Some)
     }
 
     fn formed<F: ImageFormer + ?Sized>(&self, former: &F) -> Result<FocusedImage, FormError> {
