@@ -124,8 +124,12 @@ struct Sums {
     pulses: Range<usize>,
 }
 
+/// Number of pulses above which levels are measured in one of several pulses, and the number of pulses that share them.
+const MANY_PULSES: usize = 512;
+const LEVELS_SHARED: usize = 4;
+
 /// Sample levels of one pulse, without its slow-time weight.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct PulseLevels {
     /// Power of the weighted samples, `sum_k |w_k z[n][k]|^2`.
     power: f64,
@@ -282,14 +286,18 @@ impl<'a> Probes<'a> {
                 let mut buffers = Buffers::default();
                 for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
                     self.add_pulse(n, row, &fast, &mut part);
-                    let profiles = self
-                        .profiles
-                        .as_ref()
-                        .map(|of_pulse| of_pulse.of(row, &fast, self.turns(n), &mut buffers));
-                    levels.push(PulseLevels {
-                        power: power::power(Instructions::best(), row, &fast),
-                        profiles: profiles.unwrap_or_default(),
-                    });
+                    let mut own = PulseLevels::default();
+                    if self.measured(n) == n {
+                        let profiles = self
+                            .profiles
+                            .as_ref()
+                            .map(|of_pulse| of_pulse.of(row, &fast, self.turns(n), &mut buffers));
+                        own = PulseLevels {
+                            power: power::power(Instructions::best(), row, &fast),
+                            profiles: profiles.unwrap_or_default(),
+                        };
+                    }
+                    levels.push(own);
                 }
                 (part, levels)
             })
@@ -300,6 +308,23 @@ impl<'a> Probes<'a> {
             sums.levels.extend(levels);
         }
         sums.pulses.end = pulses.end;
+        if sums.pulses.end == self.spec.collection.pulses.len() {
+            for n in 0..sums.levels.len() {
+                sums.levels[n] = sums.levels[self.measured(n)];
+            }
+        }
+    }
+
+    /// Pulse whose levels represent those of pulse `n`.
+    fn measured(&self, n: usize) -> usize {
+        let count = self.spec.collection.pulses.len();
+        if count < MANY_PULSES {
+            return n;
+        }
+        let group = n / LEVELS_SHARED;
+        // Another place in each group, so that a period of the pulses is not mistaken for their level.
+        let place = (group as f64 * 0.618_033_988_75).fract() * LEVELS_SHARED as f64;
+        (group * LEVELS_SHARED + place as usize).min(count - 1)
     }
 
     /// Exact sums of all pulses, normalised like pixels; `None` if a pulse is missing.

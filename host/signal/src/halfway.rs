@@ -1,45 +1,51 @@
-//! Interpolation halfway between samples, for signals with frequencies up to a quarter cycle per sample.
+//! Interpolation halfway between samples, for signals within a band of less than half a cycle per sample.
 //!
 //! ```text
 //! s(1/2) = sum_i h[i] s(i - W/2 + 1),    i = 0 .. W-1
 //! ```
 //!
-//! The symmetric taps minimise the squared error at frequencies of the band that are denser towards its edge, like
+//! The symmetric taps minimise the squared error at frequencies of a band that are denser towards its edge, like
 //! Chebyshev nodes, which nearly minimises the largest error. A tone at `x` is multiplied by `H(x) = 2 sum h[i] cos(2
 //! pi x (i - W/2 + 1/2))`, summed over the upper half of the taps. The error of interpolation by two, which keeps the
-//! even samples, is [`MidpointKernel::error`], the root of half the mean of `(H(x) - 1)^2` over the band:
+//! even samples, is [`MidpointKernel::error`], the root of half the mean of `(H(x) - 1)^2` over the band, dB:
 //!
-//! | taps | 8 | 10 | 12 | 16 |
-//! |---|---|---|---|---|
-//! | error, dB | -72.8 | -89.0 | -105.1 | -136.9 |
+//! | taps | band 0.2 | 0.25 | 0.3 |
+//! |---|---|---|---|
+//! | 6 | -68.9 | -56.3 | -45.6 |
+//! | 8 | -89.5 | -72.8 | -58.5 |
+//! | 10 | -110.0 | -89.0 | -71.1 |
+//! | 12 | -130.3 | -105.1 | -83.6 |
 //!
 //! Float32 taps add 4e-8 (-148 dB).
 
 use std::f64::consts::{PI, TAU};
 
 /// Supported numbers of taps, ascending.
-pub const TAPS: [usize; 4] = [8, 10, 12, 16];
-
-/// Band edge of the design, cycles per sample.
-pub const BAND: f64 = 0.25;
+pub const TAPS: [usize; 5] = [6, 8, 10, 12, 16];
 
 /// Number of frequencies in the band.
-const PLACES: usize = 400;
+const PLACES: usize = 80;
+
+/// Steps of the bisection of bands, of half of the remaining ones each.
+const BISECTIONS: usize = 12;
 
 /// Interpolation kernel for the midpoint between samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MidpointKernel {
     taps: Vec<f64>,
+    /// Band edge of the design, cycles per sample.
+    band: f64,
 }
 
 impl MidpointKernel {
-    /// Design a kernel with `count` taps, an even number.
+    /// Design a kernel with `count` taps, an even number, for frequencies up to `band`, cycles per sample.
     ///
     /// # Panics
-    /// If `count` is odd or 0.
-    pub fn new(count: usize) -> Self {
+    /// If `count` is odd or 0, or `band` is not between 0 and 0.5.
+    pub fn new(count: usize, band: f64) -> Self {
         assert!(count > 0 && count.is_multiple_of(2));
-        let places = (0..=PLACES).map(|i| BAND * libm::cos(0.5 * PI * i as f64 / PLACES as f64));
+        assert!(band > 0.0 && band < 0.5);
+        let places = (0..=PLACES).map(|i| band * libm::cos(0.5 * PI * i as f64 / PLACES as f64));
         let places: Vec<f64> = places.collect();
         let columns = (0..count / 2).map(|i| {
             let terms = places.iter().map(|x| response(*x, i));
@@ -47,7 +53,7 @@ impl MidpointKernel {
         });
         let half = least_squares(columns.collect(), &vec![1.0; places.len()]);
         let taps = half.iter().rev().chain(&half).copied().collect();
-        Self { taps }
+        Self { taps, band }
     }
 
     /// Weights of the samples around the midpoint.
@@ -62,24 +68,24 @@ impl MidpointKernel {
         terms.map(|(i, h)| h * response(x, i)).sum::<f64>() - 1.0
     }
 
-    /// Relative RMS error of interpolation by two, over the band and over all output samples. The error of every second
+    /// Relative RMS error of interpolation by two, over the band of the design and over all output samples. The error of every second
     /// output sample is zero, since it is an input sample.
     pub fn error(&self) -> f64 {
-        self.error_within(BAND)
+        self.error_within(self.band)
     }
 
     /// Relative RMS error of interpolation by two, over tones up to `band` cycles per sample.
     pub fn error_within(&self, band: f64) -> f64 {
-        let places = (0..=PLACES).map(|i| band * i as f64 / PLACES as f64);
+        let places = (0..PLACES).map(|i| band * (i as f64 + 0.5) / PLACES as f64);
         let squares: f64 = places.map(|x| self.tone_error(x).powi(2)).sum();
-        (squares / (PLACES + 1) as f64 / 2.0).sqrt()
+        (squares / PLACES as f64 / 2.0).sqrt()
     }
 
-    /// Widest band, at least [`BAND`], for which [`Self::error_within`] is at most `error`; cycles per sample.
+    /// Widest band, at least that of the design, for which [`Self::error_within`] is at most `error`; cycles per sample.
     pub fn widest_band(&self, error: f64) -> f64 {
         // Beyond the design band the error rises monotonically; the response at half a cycle is zero.
-        let (mut low, mut high) = (BAND, 0.5);
-        for _ in 0..20 {
+        let (mut low, mut high) = (self.band, 0.5);
+        for _ in 0..BISECTIONS {
             let middle = 0.5 * (low + high);
             match self.error_within(middle) <= error {
                 true => low = middle,
@@ -138,8 +144,17 @@ mod tests {
 
     #[test]
     fn halfway_interpolation_error_matches_documentation() {
-        for (taps, stated_db) in TAPS.into_iter().zip([-72.8, -89.0, -105.1, -136.9]) {
-            let kernel = MidpointKernel::new(taps);
+        for (taps, band, stated_db) in [
+            (6, 0.2, -68.9),
+            (6, 0.3, -45.6),
+            (8, 0.2, -89.5),
+            (8, 0.25, -72.8),
+            (10, 0.25, -89.0),
+            (10, 0.3, -71.1),
+            (12, 0.25, -105.1),
+            (12, 0.3, -83.6),
+        ] {
+            let kernel = MidpointKernel::new(taps, band);
             assert!(
                 (20.0 * kernel.error().log10() - stated_db).abs() < 0.06,
                 "{taps}"
@@ -147,7 +162,7 @@ mod tests {
             // Tones interpolated at half of the samples only, hence the factor of 2.
             let mut squares = 0.0;
             for i in 0..=500 {
-                let x = BAND * f64::from(i) / 500.0;
+                let x = band * f64::from(i) / 500.0;
                 let at = |place: f64| Complex64::from_polar(1.0, TAU * x * (place + 3.7));
                 let first = 1.0 - taps as f64 / 2.0;
                 let terms = kernel.taps().iter().enumerate();
@@ -155,14 +170,14 @@ mod tests {
                 squares += (got - at(0.5)).norm_sqr();
             }
             let got_db = 10.0 * (squares / 501.0 / 2.0).log10();
-            assert!((got_db - stated_db).abs() < 0.06, "{taps}: {got_db}");
+            assert!((got_db - stated_db).abs() < 0.06, "{taps} {band}: {got_db}");
         }
     }
 
     #[test]
     fn interpolation_error_grows_with_band() {
-        let kernel = MidpointKernel::new(8);
-        assert_eq!(kernel.widest_band(kernel.error()), BAND);
+        let kernel = MidpointKernel::new(8, 0.25);
+        assert_eq!(kernel.widest_band(kernel.error()), 0.25);
         let band = kernel.widest_band(2.0 * kernel.error());
         assert!(band > 0.26 && band < 0.3, "{band}");
         assert!((kernel.error_within(band) / kernel.error() - 2.0).abs() < 1e-3);

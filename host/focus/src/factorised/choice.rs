@@ -1,21 +1,30 @@
-//! Choice of pulse blocks and patch sizes for a factorisation.
+//! Choice of the decimation kernel, pulse blocks and patch sizes for a factorisation.
 //!
-//! All leaf sides in [`SIDES`] are tried in both directions; the fastest descent by the cost model of [`super::cost`] along the
-//! path to the centre pixel is selected. First patches are as large as the image, or as scratch memory allows. Shorter blocks of pulses, whose
-//! histories are smaller, are used where they are faster. Blocks also end at gaps in the track.
+//! A plan is fast where patches are about as large as their decimated histories permit. Decimation is by two, so this depends on leaf sides and
+//! on the kernel's band together. Kernels that keep the bound are tried with equal leaf sides ([`SIDES`], [`MAP_LEAF_SIDES`]); then the sides of
+//! the fastest plan are varied by turns. The search ends at a twentieth of the image's time, so that small images are planned briefly.
+//!
+//! The time is that of the descent along the path to the centre pixel by the cost model of [`super::cost`]. A descent whose histories alone take
+//! longer than the best plan is not evaluated further. First patches are as large as the image, or as scratch memory allows. Shorter blocks of pulses,
+//! whose histories are smaller, are used where they are faster. Blocks also end at gaps in the track.
 
+use std::cell::Cell;
 use std::ops::{Range, RangeInclusive};
 
+use super::Leaves;
 use super::cost::DecimationChain;
 use super::maps::MapKernels;
-use super::refine::Refiner;
+use super::refine::{Refiner, counts};
+use super::shares::KernelChoice;
 use super::thinned::Stretch;
 use super::tree::Tree;
 use crate::ImageSpec;
 use crate::sub_cpi;
 
 /// Candidate leaf sides, pixels.
-const SIDES: [usize; 5] = [16, 24, 32, 48, 64];
+const SIDES: [usize; 7] = [16, 20, 24, 32, 40, 48, 64];
+/// Candidate leaf sides below patches with maps, pixels; with the levels between they give the sides of these patches.
+const MAP_LEAF_SIDES: [usize; 6] = [16, 18, 20, 22, 25, 28];
 /// Largest side of a first patch, pixels, so that a tile of a large image does not need the work of a larger patch.
 const LARGEST_FIRST: usize = 1024;
 /// Minimum pulses of a block shortened for lack of scratch memory.
@@ -28,6 +37,8 @@ const MAX_LEVELS: usize = 32;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Choices {
     pub(super) error_db: f64,
+    /// Kernel of decimations; none if histories are not decimated.
+    pub(super) kernel: Option<KernelChoice>,
     /// Number of pulses of each block, in order.
     pub(super) stretches: Vec<usize>,
     pub(super) tree: Tree,
@@ -37,60 +48,6 @@ pub(crate) struct Choices {
 }
 
 impl Choices {
-    /// Choose the fastest parameters by the cost model, with the bound shared out by `refiner`.
-    /// With `kernels`, patches are imaged by range-Doppler maps; `None` if they do not suit the patch in the middle.
-    pub(super) fn of(
-        error_db: f64,
-        spec: &ImageSpec,
-        refiner: &Refiner,
-        kernels: Option<&MapKernels>,
-    ) -> Option<Self> {
-        let num_pulses = spec.collection.pulses.len();
-        let breaks = sub_cpi::breaks(spec.collection);
-        let choices = |stretches: &[Range<usize>], (tree, map_level)| Self {
-            error_db,
-            stretches: stretches.iter().map(|range| range.len()).collect(),
-            tree,
-            map_level,
-        };
-        let mut best: Option<(f64, Self)> = None;
-        let mut longest = num_pulses;
-        loop {
-            let stretches = sub_cpi::cut(num_pulses, &breaks, longest);
-            // The longest block represents all.
-            let range = stretches.iter().max_by_key(|range| range.len());
-            let range = range.cloned().unwrap_or(0..0);
-            let share = num_pulses as f64 / range.len().max(1) as f64;
-            let stretch = Stretch::new(&spec.collection.pulses, range, refiner.taps());
-            let found = match kernels {
-                None => fastest(spec, refiner, &stretch).map(|(ns, tree)| (ns, (tree, None))),
-                Some(kernels) => fastest_maps(spec, refiner, &stretch, kernels),
-            };
-            let found = found.map(|(time_ns, own)| (share * time_ns, own));
-            match (found, &best) {
-                (Some((time_ns, own)), None) => best = Some((time_ns, choices(&stretches, own))),
-                (Some((time_ns, own)), Some((least_ns, _))) if time_ns < *least_ns => {
-                    best = Some((time_ns, choices(&stretches, own)));
-                }
-                // Shorter blocks first make room for larger patches; beyond that they only add edges.
-                (_, Some(_)) => break,
-                (None, None) => {}
-            }
-            if longest <= SHORTEST {
-                break;
-            }
-            longest = longest.div_ceil(2);
-        }
-        match (best, kernels) {
-            (Some((_, choices)), _) => Some(choices),
-            (None, Some(_)) => None,
-            (None, None) => {
-                let stretches = sub_cpi::cut(num_pulses, &breaks, longest);
-                Some(choices(&stretches, (smallest(spec), None)))
-            }
-        }
-    }
-
     /// Whether a plan for `spec` can contain these parameters.
     pub(super) fn are_of(&self, spec: &ImageSpec) -> bool {
         let sides = [spec.grid.rows.count, spec.grid.columns.count].map(leaf_sides);
@@ -101,6 +58,7 @@ impl Choices {
             && self.map_level.is_none_or(|level| level <= self.tree.levels)
             && !self.stretches.contains(&0)
             && total == Some(spec.collection.pulses.len())
+            && self.kernel.is_none_or(|kernel| kernel.is_valid())
             && (-300.0..=0.0).contains(&self.error_db)
     }
 
@@ -121,114 +79,335 @@ fn leaf_sides(count: usize) -> RangeInclusive<usize> {
     SIDES[0].min(count)..=SIDES[SIDES.len() - 1]
 }
 
-/// Candidate leaf sides for `count` pixels.
-fn sides(count: usize) -> Vec<usize> {
-    let mut sides: Vec<usize> = SIDES.iter().map(|&side| side.min(count)).collect();
-    sides.dedup();
-    sides
+/// Fastest parameters for an image, with the computation that they select.
+pub(super) struct Chosen<'a> {
+    pub(super) choices: Choices,
+    pub(super) refiner: Refiner<'a>,
+    /// Kernels of range-Doppler maps, where there are maps.
+    pub(super) kernels: Option<MapKernels>,
+}
+
+impl<'a> Chosen<'a> {
+    /// Choose by the cost model. `None` if maps are asked for and do not keep the bound or do not suit the patch in the middle of the grid.
+    pub(super) fn of(error_db: f64, leaves: Leaves, spec: &ImageSpec<'a>) -> Option<Self> {
+        let candidates = KernelChoice::within(error_db, counts(spec.collection));
+        let mut candidates: Vec<_> = candidates.into_iter().map(Some).collect();
+        if candidates.is_empty() {
+            candidates.push(None);
+        }
+        let refiner = |kernel| Refiner::of(spec.collection, error_db, kernel);
+        let maps = match leaves {
+            Leaves::Pulses => None,
+            Leaves::Maps => Some(refiner(candidates[0]).shares().map_kernels()?),
+        };
+        let mut best = Best::default();
+        for (i, &kernel) in candidates.iter().enumerate() {
+            // Where maps do not suit the patch, that is for its paths, not for the kernel.
+            let unsuited = i > 0 && maps.is_some() && best.found.is_none();
+            if unsuited || best.is_good_enough() {
+                break;
+            }
+            let refiner = refiner(kernel);
+            let (mut longest, mut slower) = (spec.collection.pulses.len(), 0);
+            // Shorter blocks first make room for larger patches; beyond that they only add edges.
+            while slower < 2 {
+                let search = Search::new(spec, maps.as_ref(), (kernel, &refiner), longest);
+                let faster = search.equal_sides(&mut best);
+                slower += usize::from(!faster && search.fits.get());
+                if longest <= SHORTEST {
+                    break;
+                }
+                longest = longest.div_ceil(2);
+            }
+        }
+        if let Some(Found {
+            kernel, longest, ..
+        }) = best.found
+        {
+            let refiner = refiner(kernel);
+            Search::new(spec, maps.as_ref(), (kernel, &refiner), longest).vary_sides(&mut best);
+        }
+        let found = match (best.found, leaves) {
+            (Some(found), _) => found,
+            (None, Leaves::Maps) => return None,
+            (None, Leaves::Pulses) => Found {
+                time_ns: f64::INFINITY,
+                kernel: candidates[0],
+                longest: SHORTEST,
+                tree: smallest(spec),
+                map_level: None,
+            },
+        };
+        let stretches = blocks(spec, found.longest);
+        Some(Self {
+            choices: Choices {
+                error_db,
+                kernel: found.kernel,
+                stretches: stretches.iter().map(|range| range.len()).collect(),
+                tree: found.tree,
+                map_level: found.map_level,
+            },
+            refiner: refiner(found.kernel),
+            kernels: maps,
+        })
+    }
+}
+
+/// Blocks of at most `longest` pulses that end at gaps in the track.
+fn blocks(spec: &ImageSpec, longest: usize) -> Vec<Range<usize>> {
+    let breaks = sub_cpi::breaks(spec.collection);
+    sub_cpi::cut(spec.collection.pulses.len(), &breaks, longest)
 }
 
 /// Tree of leaves only.
 fn smallest(spec: &ImageSpec) -> Tree {
     let counts = [spec.grid.rows.count, spec.grid.columns.count];
     Tree {
-        leaf: counts.map(|count| count.min(SIDES[2])),
+        leaf: counts.map(|count| count.min(SIDES[3])),
         levels: 0,
     }
 }
 
-/// Fastest tree with histories that fit the scratch memory, and its time. `None` if first patches would have only a few leaves although
-/// larger ones would be faster.
-fn fastest(spec: &ImageSpec, refiner: &Refiner, stretch: &Stretch) -> Option<(f64, Tree)> {
-    let counts = [spec.grid.rows.count, spec.grid.columns.count];
-    let mut best: Option<(f64, Tree)> = None;
-    for rows in sides(counts[0]) {
-        for columns in sides(counts[1]) {
-            let leaf = [rows, columns];
-            let parts = [0, 1].map(|i| counts[i].div_ceil(leaf[i]));
-            let whole = parts[0].max(parts[1]).next_power_of_two().ilog2() as usize;
-            for levels in (0..=whole).rev() {
-                let tree = Tree { leaf, levels };
-                let largest = tree.size(levels).into_iter().max().unwrap_or(0);
-                if levels > 0 && largest > LARGEST_FIRST {
-                    continue;
-                }
-                let descent = DecimationChain::new(spec, refiner, stretch, &tree, None);
-                let few = levels < whole.min(3);
-                if few && refiner.shares().decimate && stretch.pulses.len() > SHORTEST {
-                    break;
-                }
-                if descent.held_bytes() > spec.scratch_bytes {
-                    continue;
-                }
-                let time_ns = descent.time_ns();
-                if best.is_none_or(|(least, _)| time_ns < least) {
-                    best = Some((time_ns, tree));
-                }
-                break;
+/// Parameters found by a search.
+#[derive(Clone, Copy)]
+struct Found {
+    time_ns: f64,
+    kernel: Option<KernelChoice>,
+    /// Pulses of the longest block.
+    longest: usize,
+    tree: Tree,
+    map_level: Option<usize>,
+}
+
+/// Time to evaluate a plan, ns, and largest ratio of the time of a search to that of the image.
+const EVALUATION_NS: f64 = 2e5;
+const EFFORT: f64 = 0.05;
+
+/// Best plan of a search so far, and the number of plans tried.
+#[derive(Default)]
+struct Best {
+    found: Option<Found>,
+    tried: usize,
+}
+
+impl Best {
+    fn time_ns(&self) -> f64 {
+        self.found.map_or(f64::INFINITY, |found| found.time_ns)
+    }
+
+    /// Whether the search has taken its share of the time of the image.
+    fn is_good_enough(&self) -> bool {
+        self.tried as f64 * EVALUATION_NS > EFFORT * self.time_ns()
+    }
+}
+
+/// Search for the fastest leaf sides with a kernel and a length of pulse blocks.
+struct Search<'a> {
+    spec: &'a ImageSpec<'a>,
+    maps: Option<&'a MapKernels>,
+    kernel: Option<KernelChoice>,
+    refiner: &'a Refiner<'a>,
+    longest: usize,
+    /// The longest block, which represents all.
+    stretch: Stretch,
+    /// Number of such blocks.
+    num_blocks: f64,
+    /// Whether the histories of some leaf sides fit the scratch memory.
+    fits: Cell<bool>,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        spec: &'a ImageSpec<'a>,
+        maps: Option<&'a MapKernels>,
+        (kernel, refiner): (Option<KernelChoice>, &'a Refiner<'a>),
+        longest: usize,
+    ) -> Self {
+        let range = blocks(spec, longest)
+            .into_iter()
+            .max_by_key(|range| range.len());
+        let range = range.unwrap_or(0..0);
+        Self {
+            num_blocks: spec.collection.pulses.len() as f64 / range.len().max(1) as f64,
+            stretch: Stretch::new(&spec.collection.pulses, range, refiner.taps()),
+            fits: Cell::new(false),
+            spec,
+            maps,
+            kernel,
+            refiner,
+            longest,
+        }
+    }
+
+    fn counts(&self) -> [usize; 2] {
+        [self.spec.grid.rows.count, self.spec.grid.columns.count]
+    }
+
+    fn sides(&self) -> &'static [usize] {
+        match self.maps {
+            None => &SIDES,
+            Some(_) => &MAP_LEAF_SIDES,
+        }
+    }
+
+    /// Try equal leaf sides. Returns whether one of them is faster than the best so far.
+    fn equal_sides(&self, best: &mut Best) -> bool {
+        let mut faster = false;
+        for &side in self.sides().iter().step_by(2) {
+            faster |= self.improve([side; 2], best);
+        }
+        faster
+    }
+
+    /// Vary the leaf's rows and columns by turns while that is faster.
+    fn vary_sides(&self, best: &mut Best) {
+        for turn in 0..MAX_TURNS {
+            let mut faster = false;
+            for &side in self.sides() {
+                let Some(found) = best.found.filter(|_| !best.is_good_enough()) else {
+                    return;
+                };
+                let mut leaf = found.tree.leaf;
+                leaf[turn % 2] = side;
+                faster |= leaf != found.tree.leaf && self.improve(leaf, best);
+            }
+            if turn > 0 && !faster {
+                return;
             }
         }
     }
-    best
+
+    /// Replace the best plan by the one with this leaf if it is faster.
+    fn improve(&self, leaf: [usize; 2], best: &mut Best) -> bool {
+        best.tried += 1;
+        let leaf = [0, 1].map(|i| leaf[i].min(self.counts()[i]));
+        let least_ns = best.time_ns() / self.num_blocks;
+        let found = match self.maps {
+            None => self.of_pulses(leaf, least_ns),
+            Some(kernels) => self.of_maps(leaf, kernels, least_ns),
+        };
+        let Some((time_ns, tree, map_level)) = found else {
+            return false;
+        };
+        best.found = Some(Found {
+            time_ns: self.num_blocks * time_ns,
+            kernel: self.kernel,
+            longest: self.longest,
+            tree,
+            map_level,
+        });
+        true
+    }
+
+    /// Largest number of levels above a leaf.
+    fn most_levels(&self, leaf: [usize; 2]) -> usize {
+        let counts = self.counts();
+        let parts = [0, 1].map(|i| counts[i].div_ceil(leaf[i]));
+        parts[0].max(parts[1]).next_power_of_two().ilog2() as usize
+    }
+
+    /// Tree with leaves of pulses whose histories fit the scratch memory, with its time. `None` if it is not faster than `least_ns`, or if
+    /// first patches would have only a few leaves although larger ones would be faster.
+    fn of_pulses(&self, leaf: [usize; 2], least_ns: f64) -> Option<(f64, Tree, Option<usize>)> {
+        let Self {
+            spec,
+            refiner,
+            stretch,
+            ..
+        } = self;
+        let whole = self.most_levels(leaf);
+        for levels in (0..=whole).rev() {
+            let tree = Tree { leaf, levels };
+            let largest = tree.size(levels).into_iter().max().unwrap_or(0);
+            if levels > 0 && largest > LARGEST_FIRST {
+                continue;
+            }
+            let few = levels < whole.min(3);
+            if few && refiner.shares().decimate && stretch.pulses.len() > SHORTEST {
+                return None;
+            }
+            let descent = DecimationChain::new(spec, refiner, stretch, &tree, None);
+            if descent.held_bytes() > spec.scratch_bytes {
+                continue;
+            }
+            self.fits.set(true);
+            let is_faster = descent.histories_ns() < least_ns && descent.time_ns() < least_ns;
+            return is_faster.then(|| (descent.time_ns(), tree, None));
+        }
+        None
+    }
+
+    /// Tree with maps, with its time: the mean of the patches in the middle and in the first corner of the grid. `None` if it is not
+    /// faster than `least_ns` or maps do not suit the patch in the middle.
+    fn of_maps(
+        &self,
+        leaf: [usize; 2],
+        kernels: &MapKernels,
+        mut least_ns: f64,
+    ) -> Option<(f64, Tree, Option<usize>)> {
+        let Self {
+            spec,
+            refiner,
+            stretch,
+            ..
+        } = self;
+        let counts = self.counts();
+        let [image, side] = [counts, leaf].map(|sides| sides[0].max(sides[1]));
+        let largest = (image / 2).clamp(LARGEST_FIRST, LARGEST_MAP_FIRST);
+        let most = self
+            .most_levels(leaf)
+            .min((largest / side).ilog2() as usize);
+        let fits = |&levels: &usize| {
+            let tree = Tree { leaf, levels };
+            let descent = DecimationChain::new(spec, refiner, stretch, &tree, None);
+            descent.held_bytes() <= spec.scratch_bytes
+        };
+        let levels = (1..=most).rev().find(fits)?;
+        self.fits.set(true);
+        let tree = Tree { leaf, levels };
+        let middle = counts.map(|count| count / 2);
+        let descent =
+            |level, pixel| DecimationChain::at(spec, refiner, stretch, &tree, level, pixel);
+        // Patches of at most a quarter of the side leave enough of them to share among threads.
+        let largest = LARGEST_MAP.min(image / 4);
+        let mut best = None;
+        for level in (1..=levels).rev().filter(|&level| side << level <= largest) {
+            let mut middle = descent(level, middle);
+            // Smaller patches have more histories.
+            if middle.histories_ns() >= least_ns {
+                break;
+            }
+            if !middle.plan_maps(kernels)
+                || middle.held_bytes() + middle.thread_bytes(level) > spec.scratch_bytes
+            {
+                continue;
+            }
+            let middle_ns = middle.time_ns();
+            let time_ns = match middle_ns < least_ns {
+                false => f64::INFINITY,
+                true => {
+                    let mut corner = descent(level, [0, 0]);
+                    match corner.plan_maps(kernels) {
+                        true => 0.5 * (middle_ns + corner.time_ns()),
+                        // Smaller patches in the corner.
+                        false => 1.5 * middle_ns,
+                    }
+                }
+            };
+            if time_ns < least_ns {
+                least_ns = time_ns;
+                best = Some((time_ns, tree, Some(level)));
+            } else if best.is_some() {
+                break;
+            }
+        }
+        best
+    }
 }
 
-/// Leaf sides below patches with maps, pixels; with the levels between they give the sides of these patches.
-const MAP_LEAF_SIDES: [usize; 3] = [16, 20, 28];
+/// Largest number of turns in which one of the leaf sides is varied.
+const MAX_TURNS: usize = 4;
 /// Largest side of a patch with maps, pixels.
 const LARGEST_MAP: usize = 256;
 /// Largest side of a first patch above maps, pixels, if the image is twice as large or larger: fewer first patches read the recorded samples.
 const LARGEST_MAP_FIRST: usize = 2048;
-
-/// Fastest tree with maps, its largest level with maps, and its time: the mean of the patches in the middle and in the first corner of the
-/// grid. `None` if maps do not suit the patch in the middle.
-fn fastest_maps(
-    spec: &ImageSpec,
-    refiner: &Refiner,
-    stretch: &Stretch,
-    kernels: &MapKernels,
-) -> Option<(f64, (Tree, Option<usize>))> {
-    let counts = [spec.grid.rows.count, spec.grid.columns.count];
-    let mut best: Option<(f64, (Tree, Option<usize>))> = None;
-    for side in MAP_LEAF_SIDES {
-        let leaf = counts.map(|count| side.min(count));
-        let parts = [0, 1].map(|i| counts[i].div_ceil(leaf[i]));
-        let whole = parts[0].max(parts[1]).next_power_of_two().ilog2() as usize;
-        let largest = (counts[0].max(counts[1]) / 2).clamp(LARGEST_FIRST, LARGEST_MAP_FIRST);
-        let most = whole.min((largest / side).ilog2() as usize);
-        let tree = |levels| Tree { leaf, levels };
-        let fits = |&levels: &usize| {
-            let tree = tree(levels);
-            let descent = DecimationChain::new(spec, refiner, stretch, &tree, None);
-            descent.held_bytes() <= spec.scratch_bytes
-        };
-        let Some(levels) = (1..=most).rev().find(fits) else {
-            continue;
-        };
-        let tree = tree(levels);
-        // Patches of at most a quarter of the side leave enough of them to share among threads.
-        let largest = LARGEST_MAP.min(counts[0].max(counts[1]) / 4);
-        for map_level in (1..=levels).filter(|&level| side << level <= largest) {
-            let maps = Some((map_level, kernels));
-            let descent = DecimationChain::new(spec, refiner, stretch, &tree, maps);
-            let bytes = descent.held_bytes() + descent.thread_bytes(map_level);
-            if !descent.has_maps() || bytes > spec.scratch_bytes {
-                continue;
-            }
-            let middle_ns = descent.time_ns();
-            if best.is_some_and(|(least, _)| middle_ns >= 2.0 * least) {
-                continue;
-            }
-            let corner = DecimationChain::at(spec, refiner, stretch, &tree, maps, [0, 0]);
-            let corner_ns = match corner.has_maps() {
-                true => corner.time_ns(),
-                // Smaller patches.
-                false => 2.0 * middle_ns,
-            };
-            let time_ns = 0.5 * (middle_ns + corner_ns);
-            if best.is_none_or(|(least, _)| time_ns < least) {
-                best = Some((time_ns, (tree, Some(map_level))));
-            }
-        }
-    }
-    best
-}

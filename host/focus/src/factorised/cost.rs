@@ -54,8 +54,11 @@ pub(super) struct DecimationChain<'a> {
     last: Axes,
     /// Whether the leaf has its own history.
     own: bool,
-    /// Lowest level of the descent, and the maps of its patch.
-    maps: Option<(usize, Vec<MapSize>)>,
+    /// Lowest level of the descent, and the pixel to which it leads.
+    lowest: usize,
+    pixel: [usize; 2],
+    /// Maps of the patch of the lowest level.
+    maps: Option<Vec<MapSize>>,
 }
 
 impl<'a> DecimationChain<'a> {
@@ -68,23 +71,27 @@ impl<'a> DecimationChain<'a> {
         maps: Option<(usize, &MapKernels)>,
     ) -> Self {
         let middle = [spec.grid.rows.count / 2, spec.grid.columns.count / 2];
-        Self::at(spec, refiner, stretch, tree, maps, middle)
+        let lowest = maps.map_or(0, |(level, _)| level);
+        let mut descent = Self::at(spec, refiner, stretch, tree, lowest, middle);
+        if let Some((_, kernels)) = maps {
+            descent.plan_maps(kernels);
+        }
+        descent
     }
 
-    /// Descent to the leaf, or to the patch with maps, that contains `pixel`.
+    /// Descent to the patch of the `lowest` level that contains `pixel`.
     pub(super) fn at(
         spec: &'a ImageSpec<'a>,
         refiner: &'a Refiner<'a>,
         stretch: &'a Stretch,
         tree: &'a Tree,
-        maps: Option<(usize, &MapKernels)>,
+        lowest: usize,
         pixel: [usize; 2],
     ) -> Self {
         let taps = refiner.taps().len();
         let mut axes = refiner.recorded();
         let mut steps = Vec::new();
         let mut own = false;
-        let lowest = maps.map_or(0, |(level, _)| level);
         for level in (lowest..=tree.levels).rev() {
             let node = tree.around(level, pixel);
             let Some(rectangle) = tree.rectangle(spec.grid, node) else {
@@ -112,20 +119,6 @@ impl<'a> DecimationChain<'a> {
                 }
             }
         }
-        let maps = maps.and_then(|(level, kernels)| {
-            let rectangle = tree.rectangle(spec.grid, tree.around(level, pixel))?;
-            let thinned = &stretch.thinned[axes.thinning];
-            let centre = rectangle.centre_m(spec.grid);
-            let each = thinned.antennas.iter();
-            let patch = MapPatch {
-                grid: spec.grid,
-                rectangle,
-                axes: &axes,
-                thinned,
-                data_m: &each.map(|own| path_m(own, centre)).collect::<Vec<f64>>(),
-            };
-            Some((level, MapScratch::default().sizes(&patch, kernels)?))
-        });
         Self {
             spec,
             refiner,
@@ -134,8 +127,30 @@ impl<'a> DecimationChain<'a> {
             steps,
             last: axes,
             own,
-            maps,
+            lowest,
+            pixel,
+            maps: None,
         }
+    }
+
+    /// Plan maps of the patch of the lowest level. Returns whether maps suit it.
+    pub(super) fn plan_maps(&mut self, kernels: &MapKernels) -> bool {
+        let (spec, axes) = (self.spec, &self.last);
+        let node = self.tree.around(self.lowest, self.pixel);
+        self.maps = self.tree.rectangle(spec.grid, node).and_then(|rectangle| {
+            let thinned = &self.stretch.thinned[axes.thinning];
+            let centre = rectangle.centre_m(spec.grid);
+            let each = thinned.antennas.iter();
+            let patch = MapPatch {
+                grid: spec.grid,
+                rectangle,
+                axes,
+                thinned,
+                data_m: &each.map(|own| path_m(own, centre)).collect::<Vec<f64>>(),
+            };
+            MapScratch::default().sizes(&patch, kernels)
+        });
+        self.has_maps()
     }
 
     /// Whether the patch is imaged by maps.
@@ -236,7 +251,8 @@ impl<'a> DecimationChain<'a> {
         self.histories_ns() + self.leaves_ns()
     }
 
-    fn histories_ns(&self) -> f64 {
+    /// Single-core time of all histories, ns.
+    pub(super) fn histories_ns(&self) -> f64 {
         let model = self.spec.numerics.model;
         let taps = self.refiner.taps().len() as f64 + 1.0;
         self.over_steps(|[before, over_pulses, over_samples, pulses]| {
@@ -250,10 +266,10 @@ impl<'a> DecimationChain<'a> {
 
     fn leaves_ns(&self) -> f64 {
         let model = self.spec.numerics.model;
-        if let Some((level, maps)) = &self.maps {
+        if let Some(maps) = &self.maps {
             let samples = self.last.num_samples as f64;
             let maps = maps.iter().map(|map| map.time_ns(model, samples));
-            return self.patches(*level) * maps.sum::<f64>();
+            return self.patches(self.lowest) * maps.sum::<f64>();
         }
         let [length, pieces, groups, pixels] = self.leaf();
         let imaged_ns = match self.spec.grid.relief {
@@ -273,11 +289,11 @@ impl<'a> DecimationChain<'a> {
         let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
             before * TURN + taps * (over_pulses + over_samples)
         });
-        if let Some((level, maps)) = &self.maps {
+        if let Some(maps) = &self.maps {
             let maps = maps
                 .iter()
                 .map(|map| map.operations(self.last.num_samples as f64));
-            return [steps, self.patches(*level) * maps.sum::<f64>()];
+            return [steps, self.patches(self.lowest) * maps.sum::<f64>()];
         }
         let [length, pieces, _, pixels] = self.leaf();
         let pulse = transform(length) + PIECE * pieces + PIXEL_AND_PULSE * pixels;
@@ -286,7 +302,7 @@ impl<'a> DecimationChain<'a> {
 
     /// Memory of a thread that processes a patch of this level alone, bytes.
     pub(super) fn thread_bytes(&self, level: usize) -> u64 {
-        let maps = self.maps.iter().flat_map(|(_, maps)| maps);
+        let maps = self.maps.iter().flatten();
         let maps = maps.map(MapSize::bytes).max().unwrap_or(0);
         2 * self.bytes_at(level) + self.leaf_bytes() + maps
     }
@@ -381,7 +397,7 @@ pub(super) fn demand(descents: &[DecimationChain]) -> Demand {
     Demand {
         held_bytes: most(|descent| descent.held_bytes()),
         thread_bytes: most(|descent| {
-            let map_level = descent.maps.as_ref().map(|(level, _)| *level);
+            let map_level = descent.has_maps().then_some(descent.lowest);
             descent.thread_bytes(descent.tree.task_level(map_level))
         }),
     }

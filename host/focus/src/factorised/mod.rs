@@ -69,6 +69,7 @@ use crate::{
 };
 
 pub(crate) use choice::Choices;
+use choice::Chosen;
 use cost::Demand;
 use descent::{Descent, MapLeaves, Pool, Wanted};
 use maps::MapKernels;
@@ -97,7 +98,14 @@ pub(super) fn decide(
     goal: &ErrorGoal,
 ) -> Result<Option<Decision<Choices>>, FormError> {
     shared_band(spec.collection)?;
-    let refiner = Refiner::of(spec.collection, error_db);
+    let Some(Chosen {
+        choices,
+        refiner,
+        kernels,
+    }) = Chosen::of(error_db, leaves, spec)
+    else {
+        return Ok(None);
+    };
     let phases = [
         rounding::path_phase_rad(spec.collection, spec.grid),
         rounding::band_phase_rad(spec),
@@ -112,16 +120,6 @@ pub(super) fn decide(
         Reason::new("kernels and the rounding of float32 sums limit the error")
             .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
     })?;
-    let kernels = match leaves {
-        Leaves::Pulses => None,
-        Leaves::Maps => match refiner.shares().map_kernels() {
-            None => return Ok(None),
-            kernels => kernels,
-        },
-    };
-    let Some(choices) = Choices::of(error_db, spec, &refiner, kernels.as_ref()) else {
-        return Ok(None);
-    };
     let stretches = choices.stretches(spec, refiner.taps());
     let tree = choices.tree;
     let descents = cost::descents(
@@ -183,7 +181,7 @@ impl<'a> Opened<'a> {
             let mismatch = "expected blocks that cover these pulses, leaves of a possible size and a valid error bound";
             return Err(misfit(name, mismatch));
         }
-        let refiner = Refiner::of(spec.collection, choices.error_db);
+        let refiner = Refiner::of(spec.collection, choices.error_db, choices.kernel);
         let stretches = choices.stretches(&spec, refiner.taps());
         let kernels = match choices.map_level {
             None => None,

@@ -3,8 +3,8 @@
 //! **Error of a decimation.** It is evaluated in advance. Over pulses the kernel interpolates `exp(j phase_p(u))` of each pixel `p` from the
 //! retained antenna positions to those between. This is evaluated for the corner with the fastest path change, at the highest frequency, on segments of
 //! pulses at both ends, where the kernel extends past the data, and in between. Errors are weighted by the power of each pulse
-//! ([`Thinned::weights`](super::thinned::Thinned): a pulse beyond the data has only the kernel's tails). Where the error exceeds its
-//! share, or where the antenna track is too rough for a patch of this size ([`super::thinned`]), the pulses of the patch are not decimated.
+//! ([`Thinned::weights`](super::thinned::Thinned): a pulse beyond the data has only the kernel's tails). The share is that of the mean over the patch,
+//! whose pixels have tones evenly spread up to the corner's. Where the error of the corner exceeds the corresponding one, or where the antenna track is too rough for a patch of this size ([`super::thinned`]), the pulses of the patch are not decimated.
 //!
 //! Over frequency the signal is a tone of `step (path_p - path_q) / c` cycles per sample. Paths are convex in `p`: over a plane
 //! patch, or the box around a curved one, they lie between the tangent at the centre and the maximum at the corners. The kernel
@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::history::{Axes, PatchHistory};
 use super::patch_view::{MARGIN, Patch, path_m};
-use super::shares::Shares;
+use super::shares::{KernelChoice, Shares};
 use super::thinned::{Antennas, Stretch, pays};
 use crate::FormError;
 use subaperture_kernels::decimation::{self, Decimation, DecimationScratch, PhaseRamp, Rows};
@@ -43,7 +43,7 @@ const RUN: usize = 4;
 /// Segments between the two ends.
 const INNER_RUNS: usize = 2;
 /// Largest phase increment between pulses, cycles, for any kernel.
-const FASTEST: f64 = 0.3;
+const FASTEST: f64 = 0.42;
 /// Minimum pulses computed by a thread at a time.
 const BLOCK: usize = 16;
 /// Recorded pulses read together per thread, bytes; sized to stay in cache.
@@ -101,6 +101,11 @@ pub(super) struct RefineScratch {
     phase_ramps: Vec<PhaseRamp>,
 }
 
+/// Numbers of pulses and samples.
+pub(super) fn counts(collection: &Collection) -> [usize; 2] {
+    [collection.pulses.len(), collection.num_samples]
+}
+
 /// Computation of decimated histories.
 pub(super) struct Refiner<'a> {
     collection: &'a Collection,
@@ -110,10 +115,13 @@ pub(super) struct Refiner<'a> {
 }
 
 impl<'a> Refiner<'a> {
-    /// Prepare for an error bound, dB, and the recorded pulses.
-    pub(super) fn of(collection: &'a Collection, error_db: f64) -> Self {
-        let counts = [collection.pulses.len(), collection.num_samples];
-        let shares = Shares::of(error_db.clamp(-300.0, 0.0), counts);
+    /// Prepare for an error bound, dB, the recorded pulses and a kernel.
+    pub(super) fn of(
+        collection: &'a Collection,
+        error_db: f64,
+        kernel: Option<KernelChoice>,
+    ) -> Self {
+        let shares = Shares::of(error_db.clamp(-300.0, 0.0), counts(collection), kernel);
         Self {
             collection,
             taps: shares.taps(),
@@ -216,7 +224,7 @@ impl<'a> Refiner<'a> {
                 weights += 2.0 * weight;
             }
             // A segment without weight has no error.
-            if error.is_nan() || error > self.shares.slow.powi(2) * weights {
+            if error.is_nan() || error > self.shares.slow_edge.powi(2) * weights {
                 return false;
             }
         }
@@ -410,6 +418,7 @@ impl<'a> Refiner<'a> {
     ) {
         let _making = during(step.monitor, HISTORIES);
         match self.taps.len() {
+            6 => self.make_with::<6>(step, before, first, out, scratch),
             8 => self.make_with::<8>(step, before, first, out, scratch),
             10 => self.make_with::<10>(step, before, first, out, scratch),
             12 => self.make_with::<12>(step, before, first, out, scratch),

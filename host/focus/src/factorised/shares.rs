@@ -7,13 +7,55 @@ use subaperture_kernels::decimation::halved;
 use subaperture_signal::halfway::{MidpointKernel, TAPS};
 use subaperture_signal::range_profile::RangeProfiler;
 
+/// Interpolation kernel of decimations: taps and band, cycles per sample. Wider bands leave fewer samples, more taps extend every history.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct KernelChoice {
+    taps: usize,
+    band: f64,
+}
+
+/// Candidate bands, cycles per sample.
+const BANDS: [f64; 15] = [
+    0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26, 0.28, 0.3, 0.32, 0.34, 0.36, 0.38, 0.4, 0.42,
+];
+
+/// Band below which a kernel with more taps is usually faster.
+const NARROW: f64 = 0.22;
+
+impl KernelChoice {
+    /// Kernels that keep a bound for the given numbers of pulses and samples: of each number of taps the one with the widest band. Those with
+    /// few taps come first, except if their band is narrow.
+    pub(super) fn within(error_db: f64, counts: [usize; 2]) -> Vec<Self> {
+        let of = |taps: usize| {
+            let (halvings, target) = (halvings(counts, taps), target(error_db));
+            let allowed = shared(target, SLOW, halvings[0]).min(shared(target, FAST, halvings[1]));
+            let keeps = |band: f64| {
+                libm::hypot(MidpointKernel::new(taps, band).error(), HALVING) <= allowed
+            };
+            let count = BANDS.partition_point(|&band| keeps(band));
+            let band = *BANDS.get(count.checked_sub(1)?)?;
+            Some(Self { taps, band })
+        };
+        let mut kernels: Vec<Self> = TAPS.into_iter().filter_map(of).collect();
+        kernels.sort_by_key(|kernel| kernel.band < NARROW);
+        kernels
+    }
+
+    /// Whether the kernel exists.
+    pub(super) fn is_valid(&self) -> bool {
+        TAPS.contains(&self.taps) && BANDS.contains(&self.band)
+    }
+}
+
 /// Relative RMS errors allowed for each cause.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
     /// Interpolator at the midpoint between samples.
     kernel: MidpointKernel,
-    /// Error of one decimation over pulses.
-    pub(super) slow: f64,
+    /// Error of one decimation over pulses, over a patch.
+    slow: f64,
+    /// The same at the edge of a patch: pixels closer to its centre have a smaller error.
+    pub(super) slow_edge: f64,
     /// Error of one decimation over samples.
     fast: f64,
     /// Error from antenna tracks that are not smooth.
@@ -60,34 +102,48 @@ fn most_halvings(mut count: usize, taps: usize) -> usize {
     times
 }
 
+fn halvings(counts: [usize; 2], taps: usize) -> [usize; 2] {
+    counts.map(|count| most_halvings(count, taps).max(1))
+}
+
+/// Relative RMS error planned for, below the bound by the margin.
+fn target(error_db: f64) -> f64 {
+    libm::pow(10.0, (error_db - MARGIN_DB) / 20.0)
+}
+
+/// Error of each of `parts` equal ones that have a share of the error power together.
+fn shared(target: f64, share: f64, parts: usize) -> f64 {
+    target * (share / parts as f64).sqrt()
+}
+
 impl Shares {
-    /// Divide a bound for the given numbers of pulses and samples.
-    pub(super) fn of(error_db: f64, counts: [usize; 2]) -> Self {
-        let target = libm::pow(10.0, (error_db - MARGIN_DB) / 20.0);
-        let each = TAPS.into_iter().map(|taps| {
-            let halvings = counts.map(|count| most_halvings(count, taps).max(1));
-            (MidpointKernel::new(taps), halvings)
+    /// Divide a bound for the given numbers of pulses and samples. Without a kernel, histories are not decimated.
+    pub(super) fn of(error_db: f64, counts: [usize; 2], chosen: Option<KernelChoice>) -> Self {
+        let target = target(error_db);
+        let KernelChoice { taps, band } = chosen.unwrap_or(KernelChoice {
+            taps: TAPS[0],
+            band: 0.25,
         });
-        let good = |(kernel, [slow, fast]): &(MidpointKernel, [usize; 2])| {
-            let error = libm::hypot(kernel.error(), HALVING);
-            error <= target * (SLOW / *slow as f64).sqrt()
-                && error <= target * (FAST / *fast as f64).sqrt()
-        };
-        let mut kernels: Vec<_> = each.collect();
-        let found = kernels.iter().position(good);
-        let (kernel, halvings) = kernels.swap_remove(found.unwrap_or(kernels.len() - 1));
-        let fast = target * (FAST / halvings[1] as f64).sqrt();
+        let kernel = MidpointKernel::new(taps, band);
+        let halvings = halvings(counts, taps);
+        let [slow, fast] = [
+            shared(target, SLOW, halvings[0]),
+            shared(target, FAST, halvings[1]),
+        ];
+        let kernel_only = |error: f64| (error * error - HALVING * HALVING).max(0.0).sqrt();
+        let slow_band = kernel.widest_band(kernel_only(slow));
         Self {
-            band: kernel.widest_band((fast * fast - HALVING * HALVING).max(0.0).sqrt()),
+            band: kernel.widest_band(kernel_only(fast)),
             fast,
-            slow: target * (SLOW / halvings[0] as f64).sqrt(),
+            slow,
+            slow_edge: (kernel.tone_error(slow_band).abs() * 0.5f64.sqrt()).max(slow),
             rough: target * ROUGH.sqrt(),
             profile: target * PROFILE.sqrt(),
             tiles: target * TILES.sqrt(),
             arithmetic: target * ARITHMETIC.sqrt(),
             kernel,
             halvings,
-            decimate: found.is_some(),
+            decimate: chosen.is_some(),
         }
     }
 
