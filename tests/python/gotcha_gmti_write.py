@@ -122,8 +122,8 @@ def scene(folder):
     count = 360
     random = np.random.default_rng(7)
     collection = Collection("scene", count)
-    clutter = random.uniform([-24, -16, 0], [24, 16, 0], (1500, 3))
-    level = random.normal(size=(1500, 2)) @ [1, 1j] / np.sqrt(2)
+    clutter = random.uniform([-24, -16, 0], [24, 16, 0], (800, 3))
+    level = random.normal(size=(800, 2)) @ [1, 1j] / np.sqrt(2)
     time = (np.arange(count) - (count - 1) / 2) / PRF_HZ
     start, velocity = np.array([-5.0, 3.0, 0.0]), np.array([0.0, -0.5, 0.0])
     mover = start + time[:, None, None] * velocity
@@ -131,7 +131,7 @@ def scene(folder):
     sight = (middle - start) / distance(middle, start)
     channels = {}
     for channel, error in enumerate([1, 0.9 * np.exp(0.8j), 1.1 * np.exp(-1.3j)]):
-        samples = collection.echoes(channel, clutter, level) + collection.echoes(channel, mover, [3.0])
+        samples = collection.echoes(channel, clutter, level) + collection.echoes(channel, mover, [0.5])
         noise = random.normal(size=(count, SAMPLES, 2)) @ [1, 1j]
         channels[channel + 1] = error * (samples + noise)
     collection.save(folder, channels)

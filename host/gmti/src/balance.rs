@@ -154,7 +154,9 @@ pub(crate) fn similar_band(channels: &Channels) -> Result<Band, GmtiError> {
     let last = band.count.saturating_sub(1);
     let most_hz = (MAX_START_STEPS * band.step_hz).max(1e-9 * band.start_hz);
     let alike = |pulse: &Pulse| {
-        [0, last].iter().all(|&k| (pulse.frequency_hz(k) - band.frequency_hz(k)).abs() <= most_hz)
+        [0, last]
+            .iter()
+            .all(|&k| (pulse.frequency_hz(k) - band.frequency_hz(k)).abs() <= most_hz)
     };
     let all_alike = channels.iter().all(|(_, history)| {
         let collection = history.collection();

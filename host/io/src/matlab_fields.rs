@@ -61,7 +61,7 @@ impl<'a> Fields<'a> {
         Array::parse(self.required(field)?, &self.named(field))
     }
 
-    /// Field that is a structure itself.
+    /// Field that is a structure in turn.
     #[cfg(feature = "cphd")]
     pub(super) fn part(&self, field: &str, content: &str) -> Result<Self, MatError> {
         Self::of(self.required(field)?, &self.named(field), content)

@@ -265,12 +265,9 @@ fn open_gotcha(path: &Path, _: &Options) -> Opened {
 
 /// Values that the files of the Gotcha GMTI challenge do not state.
 #[cfg(all(feature = "cphd", feature = "gotcha"))]
-fn challenge_settings(
-    path: &Path,
-    options: &Options,
-) -> Result<gotcha_gmti::Settings, ReadError> {
+fn challenge_settings(path: &Path, options: &Options) -> Result<gotcha_gmti::Settings, ReadError> {
     gotcha_gmti::Settings::of(options.settings)
-        .map_err(|what| ReadError::Mismatch(format!("{}: {what}", path.display())))
+        .map_err(|fault| ReadError::Mismatch(format!("{}: {fault}", path.display())))
 }
 
 #[cfg(all(feature = "cphd", feature = "gotcha"))]

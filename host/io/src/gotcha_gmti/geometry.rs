@@ -15,7 +15,7 @@ pub(super) const SAMPLES: usize = 384;
 /// Samples of a pulse before decimation.
 const ORIGINAL_SAMPLES: f64 = 5400.0;
 
-/// Pulses to each side of a pulse between which the direction of the track is measured. Positions stored as float32 are rounded to 0.5 mm
+/// Pulses from one to the next of the three positions whose parabola gives the direction of the track. Positions stored as float32 are rounded to 0.5 mm
 /// near 10 km, which is 1 % of a pulse spacing.
 const DIRECTION_PULSES: usize = 32;
 
@@ -64,7 +64,7 @@ pub(super) fn collection(
         };
         match pulse.fault(SAMPLES) {
             None => Ok(pulse),
-            Some(what) => Err(format!("pulse {n}: {what}")),
+            Some(fault) => Err(format!("pulse {n}: {fault}")),
         }
     };
     Ok(Collection {
@@ -77,15 +77,13 @@ pub(super) fn collection(
     })
 }
 
-/// Displace the receivers along the track by `offset_m`, positive forwards. The track's direction at a pulse is that between positions
-/// [`DIRECTION_PULSES`] before and after it, without positions that no vehicle can have had.
+/// Displace the receivers along the track by `offset_m`, positive forwards. The direction at a pulse is that of the parabola through three positions
+/// [`DIRECTION_PULSES`] apart. The pulse is the middle one unless the recording begins or ends there. Positions that no vehicle can have had are
+/// left out. On a circle the direction is exact in the middle, and off at the ends by a quarter of the cube of the ratio of the three positions' spacing to the radius.
 ///
 /// # Errors
 /// Description of a track without a direction.
-pub(super) fn displace_receivers(
-    collection: &mut Collection,
-    offset_m: f64,
-) -> Result<(), String> {
+pub(super) fn displace_receivers(collection: &mut Collection, offset_m: f64) -> Result<(), String> {
     if offset_m == 0.0 {
         return Ok(());
     }
@@ -93,11 +91,12 @@ pub(super) fn displace_receivers(
     let pulses = &mut collection.pulses;
     let sound = (0..pulses.len()).filter(|n| !left_out.iter().any(|run| run.contains(n)));
     let sound: Vec<usize> = sound.collect();
-    let places: Vec<DVec3> = sound.iter().map(|&n| pulses[n].transmitter_m).collect();
+    let places: Vec<(f64, DVec3)> = sound
+        .iter()
+        .map(|&n| (n as f64, pulses[n].transmitter_m))
+        .collect();
     for (i, &n) in sound.iter().enumerate() {
-        let before = places[i.saturating_sub(DIRECTION_PULSES)];
-        let after = places[(i + DIRECTION_PULSES).min(places.len() - 1)];
-        let Some(along) = (after - before).try_normalize() else {
+        let Some(along) = rate(&places, i).try_normalize() else {
             return Err(format!(
                 "receiver_offset: the antenna does not move at pulse {n}, so that no direction is along its track"
             ));
@@ -105,6 +104,26 @@ pub(super) fn displace_receivers(
         pulses[n].receiver_m += offset_m * along;
     }
     Ok(())
+}
+
+/// Change of position per pulse at entry `i` of pulse numbers and positions.
+fn rate(places: &[(f64, DVec3)], i: usize) -> DVec3 {
+    let spacing = DIRECTION_PULSES.min((places.len() - 1) / 2);
+    if spacing == 0 {
+        let (_, last) = places[places.len() - 1];
+        return last - places[0].1;
+    }
+    let first = i
+        .saturating_sub(spacing)
+        .min(places.len() - 1 - 2 * spacing);
+    let three = [0, 1, 2].map(|part| places[first + part * spacing]);
+    let (x, _) = places[i];
+    // Derivative of Lagrange's polynomials.
+    let part = |[at, b, c]: [usize; 3]| {
+        let ((x_at, place), x_b, x_c) = (three[at], three[b].0, three[c].0);
+        place * ((2.0 * x - x_b - x_c) / ((x_at - x_b) * (x_at - x_c)))
+    };
+    part([0, 1, 2]) + part([1, 0, 2]) + part([2, 0, 1])
 }
 
 /// Smallest and largest displacement of the reference range from the scene's origin, metres.

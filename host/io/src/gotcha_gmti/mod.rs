@@ -17,9 +17,9 @@
 //!
 //! The layout of AFRL's file `PREFIX_SET_PAUX` is not published. AFRL's `readPAUXData.m` reads it. Two lines of MATLAB convert it:
 //!
-//! ```matlab
+//! ```text
 //! paux = readPAUXData('durangoChallenge_mis2_PAUX');
-//! save('durangoChallenge_mis2_PAUX.mat', 'paux', '-v7')
+//! save('durangoChallenge_mis2_PAUX.mat', 'paux', '-v6')
 //! ```
 //!
 //! The recorded positions of the vehicle, `PREFIX_GPStruth.mat`, are not read.

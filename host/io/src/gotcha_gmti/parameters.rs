@@ -49,8 +49,9 @@ impl Auxiliary {
                 let prf_hz = match fields.has("PRF") {
                     false => None,
                     true => Some(
-                        plausible_prf(fields.first_positive("PRF", "hertz")?)
-                            .map_err(|what| MatError::Malformed(format!("aux_SPIE.PRF: {what}")))?,
+                        plausible_prf(fields.first_positive("PRF", "hertz")?).map_err(|fault| {
+                            MatError::Malformed(format!("aux_SPIE.PRF: {fault}"))
+                        })?,
                     ),
                 };
                 Ok(Self {
@@ -89,7 +90,7 @@ impl Positions {
                     &path,
                     format!(
                         "expected the antenna positions in this file, found no file: AFRL's {original} is read by its own readPAUXData.m \
-                         only; in MATLAB, paux = readPAUXData('{original}'); save('{name}', 'paux', '-v7')"
+                         only; in MATLAB, paux = readPAUXData('{original}'); save('{name}', 'paux', '-v6')"
                     ),
                 )
             }
@@ -140,7 +141,7 @@ fn with_structure<T>(
     let left_bytes = memory_bytes - own_bytes;
     let bytes = source.bytes(0, source.len(), "the file")?;
     let fault = |error: MatError| match error {
-        MatError::Malformed(what) => source.malformed(what),
+        MatError::Malformed(fault) => source.malformed(fault),
         MatError::Memory(needed_bytes) => ReadError::Memory {
             path: source.path().to_owned(),
             needed_bytes: needed_bytes.saturating_add(own_bytes),

@@ -217,12 +217,12 @@ impl Common {
         let name = name.to_string_lossy().into_owned();
         let prf_hz = self.settings.prf_hz.or(auxiliary.prf_hz);
         let mut collection = collection(name, &auxiliary, &self.positions, prf_hz)
-            .map_err(|what| samples.malformed(what))?;
+            .map_err(|fault| samples.malformed(fault))?;
         let mut warnings = Vec::new();
         warnings.extend(displaced_swath(&collection));
         if let Some(offsets_m) = self.settings.receiver_offsets_m {
             displace_receivers(&mut collection, offsets_m[usize::from(channel) - 1])
-                .map_err(|what| ReadError::Mismatch(format!("{}: {what}", samples.name())))?;
+                .map_err(|fault| ReadError::Mismatch(format!("{}: {fault}", samples.name())))?;
         }
         Ok(GotchaGmti {
             channel,

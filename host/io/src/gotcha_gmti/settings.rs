@@ -23,7 +23,7 @@ impl Settings {
     pub fn of(pairs: &[(String, String)]) -> Result<Self, String> {
         let mut settings = Self::default();
         for (key, value) in pairs {
-            let at_key = |what: String| format!("{key}: {what}");
+            let at_key = |fault: String| format!("{key}: {fault}");
             match key.as_str() {
                 "receiver_offset" => {
                     let offsets = Dimension::Length
@@ -68,7 +68,9 @@ mod tests {
     use super::*;
 
     fn of(pairs: &[(&str, &str)]) -> Result<Settings, String> {
-        let owned = pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned()));
+        let owned = pairs
+            .iter()
+            .map(|(k, v)| ((*k).to_owned(), (*v).to_owned()));
         Settings::of(&owned.collect::<Vec<_>>())
     }
 
