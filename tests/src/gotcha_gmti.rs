@@ -15,9 +15,9 @@ pub const SAMPLES: usize = 384;
 pub struct Content {
     /// Big-endian float32, real and imaginary parts in turn.
     pub samples: Vec<u8>,
-    /// Fields of `aux_SPIE`.
+    /// Fields of the structure `aux_SPIE`.
     pub auxiliary: Vec<(&'static str, Value)>,
-    /// Fields of `paux`.
+    /// Fields of the structure `paux`.
     pub positions: Vec<(&'static str, Value)>,
 }
 

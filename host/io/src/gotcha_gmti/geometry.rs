@@ -67,10 +67,15 @@ pub(super) fn collection(
             Some(fault) => Err(format!("pulse {n}: {fault}")),
         }
     };
+    // Of exactly their number: the memory has been compared with the limit.
+    let mut pulses = Vec::with_capacity(antennas.len());
+    for n in 0..antennas.len() {
+        pulses.push(pulse(n)?);
+    }
     Ok(Collection {
         name,
         num_samples: SAMPLES,
-        pulses: (0..antennas.len()).map(pulse).collect::<Result<_, _>>()?,
+        pulses,
         frame: SceneFrame::Local,
         extent: None,
         timed: prf_hz.is_some(),
