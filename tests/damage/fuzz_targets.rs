@@ -75,6 +75,6 @@ macro_rules! targets {
 }
 
 targets! {
-    job plan cphd crsd l0b matlab matlab_packed npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv pattern_csv motive
+    job plan cphd crsd l0b matlab matlab_packed gotcha_gmti npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv pattern_csv motive
     frames endpoint session sigmf sicd images terrain geojson touchstone scpi
 }

@@ -4,6 +4,7 @@
 
 mod fuzz_targets;
 mod gotcha;
+mod gotcha_gmti;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -1,4 +1,4 @@
-//! Readers: CPHD, CRSD, GOTCHA, NISAR L0B, NovAtel, arrays, described recordings, several recordings as one aperture, and tuning of their parameters.
+//! Readers: CPHD, CRSD, GOTCHA, Gotcha GMTI challenge, NISAR L0B, NovAtel, arrays, described recordings, several recordings as one aperture, and tuning of their parameters.
 
 mod aperture_order;
 mod arrays;
@@ -10,6 +10,7 @@ mod described;
 mod estimated_track;
 mod fmcw_samples;
 mod gotcha;
+mod gotcha_gmti;
 mod hostile_files;
 mod l0b;
 mod novatel;

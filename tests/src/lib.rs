@@ -9,6 +9,7 @@ pub mod faults;
 pub mod firmware;
 pub mod front_end;
 pub mod fuzz;
+pub mod gotcha_gmti;
 pub mod link_recording;
 pub mod link_scene;
 pub mod maps;

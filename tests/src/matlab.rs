@@ -63,12 +63,15 @@ pub fn matrix(name: &str, value: &Value) -> Vec<u8> {
         Value::Text(text) => body.extend(element(16, text.as_bytes())),
         Value::Structure(.., fields) => {
             let mut names = Vec::new();
+            // Each name ends with a zero.
+            let longest = fields.iter().map(|(name, _)| name.len() + 1).max();
+            let length = longest.unwrap_or(1).next_multiple_of(8);
             for (name, _) in fields {
                 let mut field = name.as_bytes().to_vec();
-                field.resize(8, 0);
+                field.resize(length, 0);
                 names.extend(field);
             }
-            body.extend(element(5, &8i32.to_le_bytes()));
+            body.extend(element(5, &(length as i32).to_le_bytes()));
             body.extend(element(1, &names));
             for (_, value) in fields {
                 body.extend(matrix("", value));

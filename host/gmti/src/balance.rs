@@ -89,7 +89,7 @@ pub fn balance(
     alignment: &Alignment,
     centre_m: DVec3,
 ) -> Result<Vec<ChannelBalance>, GmtiError> {
-    let band = shared_band(channels)?;
+    let band = similar_band(channels)?;
     let names: Vec<&str> = channels.about().map(|about| about.name.as_str()).collect();
     let reference = channels.channel(0);
     let of_channel = |c: usize| {
@@ -138,12 +138,42 @@ pub fn balance(
         .collect()
 }
 
-/// Frequency axis of all pulses of all channels.
+/// Largest difference of first frequencies that is accepted, as a fraction of the step. At the ends of the unambiguous ranges it is a phase of `0.1 pi`, 0.31 rad, between
+/// pulses that are compared without their own frequencies; images are formed with the frequencies of each pulse.
+const MAX_START_STEPS: f64 = 0.1;
+
+/// Frequency axis of the first pulse of the first channel, from which no other pulse of any channel differs by more than [`MAX_START_STEPS`] at any sample.
+pub(crate) fn similar_band(channels: &Channels) -> Result<Band, GmtiError> {
+    let first = channels.channel(0).collection();
+    let band = first.pulses.first().map(|pulse| Band {
+        start_hz: pulse.start_hz,
+        step_hz: pulse.step_hz,
+        count: first.num_samples,
+    });
+    let band = band.ok_or(GmtiError::Band)?;
+    let last = band.count.saturating_sub(1);
+    let most_hz = (MAX_START_STEPS * band.step_hz).max(1e-9 * band.start_hz);
+    let alike = |pulse: &Pulse| {
+        [0, last]
+            .iter()
+            .all(|&k| (pulse.frequency_hz(k) - band.frequency_hz(k)).abs() <= most_hz)
+    };
+    let all_alike = channels.iter().all(|(_, history)| {
+        let collection = history.collection();
+        collection.num_samples == band.count && collection.pulses.iter().all(alike)
+    });
+    match all_alike {
+        true => Ok(band),
+        false => Err(GmtiError::Band),
+    }
+}
+
+/// Frequency axis of all pulses of all channels, which the maps of sub-CPIs require.
 pub(crate) fn shared_band(channels: &Channels) -> Result<Band, GmtiError> {
     let bands = channels
         .iter()
         .map(|(_, history)| history.collection().band());
-    let bands: Vec<Band> = bands.collect::<Option<_>>().ok_or(GmtiError::Band)?;
+    let bands: Vec<Band> = bands.collect::<Option<_>>().ok_or(GmtiError::SharedBand)?;
     let alike = |band: &Band| {
         band.count == bands[0].count
             && (band.start_hz - bands[0].start_hz).abs() <= 1e-9 * bands[0].start_hz
@@ -151,7 +181,7 @@ pub(crate) fn shared_band(channels: &Channels) -> Result<Band, GmtiError> {
     };
     match bands.iter().all(alike) {
         true => Ok(bands[0]),
-        false => Err(GmtiError::Band),
+        false => Err(GmtiError::SharedBand),
     }
 }
 

@@ -21,7 +21,8 @@ pub enum GmtiError {
     },
     /// The recording has no pulse times.
     #[error(
-        "expected pulse times, found none: moving targets differ between channels by the time between their passes"
+        "expected pulse times, found none: moving targets differ between channels by the time between their passes; state the pulse \
+         repetition frequency if the recording does not contain it"
     )]
     Untimed,
     /// The track does not suit.
@@ -30,15 +31,23 @@ pub enum GmtiError {
     /// The channels have the same along-track position.
     #[error(
         "expected phase centres apart along the track, found an extent of {extent_m:.2e} m: channels apart across the track measure \
-         heights, not motion"
+         heights, not motion; state the positions of the receivers if the recording does not contain them"
     )]
     NoBaseline {
         /// Along-track extent of the phase centres, metres.
         extent_m: f64,
     },
-    /// The channels have different frequencies, or frequencies that change from pulse to pulse.
-    #[error("expected one frequency axis in all pulses of all channels, found different ones")]
+    /// The frequencies of channels or pulses differ by more than a tenth of their step.
+    #[error(
+        "expected frequencies in all pulses of all channels that differ by at most a tenth of their step, found different ones"
+    )]
     Band,
+    /// The frequencies change from pulse to pulse or differ between channels.
+    #[error(
+        "expected one frequency axis in all pulses of all channels for integration over sub-CPIs, found different ones: detect the targets in \
+         images, without sub-CPIs"
+    )]
+    SharedBand,
     /// A channel has no signal.
     #[error("channel '{channel}' has no signal: leave it out")]
     Dead {

@@ -78,7 +78,7 @@ impl Imaging<'_> {
         alignment: &Alignment,
     ) -> Result<ChannelImages, GmtiError> {
         let grid = self.grid;
-        let band = balance::shared_band(channels)?;
+        let band = balance::similar_band(channels)?;
         let held_bytes = self.image_bytes(channels.len());
         let needed_bytes = self.held_bytes(channels.len());
         if needed_bytes > self.memory_bytes {

@@ -7,6 +7,7 @@ use subaperture_model::phase_history::{
 };
 
 use crate::alignment::Alignment;
+use crate::balance::shared_band;
 use crate::detection::{self, Settings, StatisticMap};
 use crate::error::GmtiError;
 use crate::images::{ChannelImages, Imaging};
@@ -46,6 +47,9 @@ pub fn find(
     let histories = channels.iter().map(|(_, history)| history.collection());
     let collections: Vec<&Collection> = histories.collect();
     let alignment = Alignment::new(&collections)?;
+    if integration.is_some() {
+        shared_band(channels)?;
+    }
     let images = imaging.form(channels, &alignment)?;
     let map = detection::detect(&images, &alignment, settings)?;
     let estimator = Estimator {

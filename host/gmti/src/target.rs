@@ -319,10 +319,8 @@ impl Estimator<'_> {
 
     /// Slant range resolution, metres.
     fn range_cell_m(&self) -> f64 {
-        let bandwidth_hz = self
-            .collection
-            .band()
-            .map_or(f64::NAN, |band| band.bandwidth_hz());
+        let step_hz = self.collection.pulses[0].step_hz;
+        let bandwidth_hz = self.collection.num_samples as f64 * step_hz;
         SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz)
     }
 

@@ -39,7 +39,8 @@ use num_complex::Complex32;
 
 use super::frequencies::fit_line;
 use super::input::Stamp;
-use super::matlab::{Array, Content, MatError, find_variable};
+use super::matlab::{Content, MatError, find_variable};
+use super::matlab_fields::Fields;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{
     Collection, InMemory, InputFile, PhaseConvention, PhaseReference, PhaseSign, Pulse, ReadError,
@@ -162,18 +163,13 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
         Cow::Owned(bytes) => bytes.len(),
     };
     let held_bytes = (file.len() + unpacked_bytes) as u64;
-    let data = Array::parse(&data, "data")?;
-    let Content::Structure(fields) = &data.content else {
-        return Err(MatError::Malformed(format!(
-            "'data': expected a 1 x 1 structure with fp, freq, x, y, z and r0, found {}",
-            data.describe()
-        )));
-    };
-    let fields = Fields(fields);
-    let (samples, num_samples, num_pulses) = fields.samples(held_bytes, memory_bytes)?;
-    let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, "rows")?)
+    let fields = Fields::of(&data, "data", "fp, freq, x, y, z and r0")?;
+    let (samples, num_samples, num_pulses) = samples(&fields, held_bytes, memory_bytes)?;
+    let since = format!("data.fp has {num_samples} rows");
+    let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, &since)?)
         .map_err(|what| MatError::Malformed(format!("data.freq: {what}")))?;
-    let per_pulse = |name| fields.values(name, num_pulses, "columns");
+    let since = format!("data.fp has {num_pulses} columns");
+    let per_pulse = |name| fields.values(name, num_pulses, &since);
     let (x, y, z, r0) = (
         per_pulse("x")?,
         per_pulse("y")?,
@@ -221,7 +217,7 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
 
 /// Whether `range_m` equals the length of `antenna_m` within storage rounding. The tolerance is twice the largest
 /// rounding; the released files use half of that.
-fn is_range_of(range_m: f64, antenna_m: DVec3) -> bool {
+pub(super) fn is_range_of(range_m: f64, antenna_m: DVec3) -> bool {
     let length_m = antenna_m.length();
     let of_position = antenna_m.abs() / length_m;
     let rounded = antenna_m.to_array().map(largest_rounding);
@@ -239,94 +235,49 @@ fn largest_rounding(value: f64) -> f64 {
     }
 }
 
-/// Fields of `data`.
-struct Fields<'a>(&'a [(String, &'a [u8])]);
-
-impl<'a> Fields<'a> {
-    fn array(&self, name: &str) -> Result<Array<'a>, MatError> {
-        let Some((_, bytes)) = self.0.iter().find(|(n, _)| n == name) else {
-            let names: Vec<&str> = self.0.iter().map(|(n, _)| n.as_str()).take(20).collect();
-            return Err(MatError::Malformed(format!(
-                "data.{name} is missing; fields found: {}",
-                names.join(", ")
-            )));
-        };
-        Array::parse(bytes, &format!("data.{name}"))
-    }
-
-    /// Samples `fp` (pulse-major in MATLAB's order), number of samples per pulse, number of pulses. `held_bytes`, the
-    /// samples and all vectors must fit `memory_bytes`.
-    fn samples(
-        &self,
-        held_bytes: u64,
-        memory_bytes: u64,
-    ) -> Result<(Vec<Complex32>, usize, usize), MatError> {
-        let array = self.array("fp")?;
-        let (
-            &[num_samples, num_pulses],
-            Content::Numeric {
-                real,
-                imaginary: Some(imaginary),
-            },
-        ) = (array.dimensions.as_slice(), &array.content)
-        else {
-            return Err(MatError::Malformed(format!(
-                "data.fp: expected a complex matrix, frequencies x pulses, found {}",
-                array.describe()
-            )));
-        };
-        if num_pulses == 0 || num_samples < 2 {
-            return Err(MatError::Malformed(format!(
-                "data.fp is {num_samples} x {num_pulses}: no image can be formed from {num_pulses} pulses of \
-                 {num_samples} frequencies (at least 1 of 2)"
-            )));
-        }
-        // Per sample, per frequency, and per pulse with its x, y, z and r0.
-        let own_bytes = real.len() * size_of::<Complex32>()
-            + num_samples * size_of::<f64>()
-            + num_pulses * (size_of::<Pulse>() + 4 * size_of::<f64>());
-        let needed = held_bytes + own_bytes as u64;
-        if needed > memory_bytes {
-            return Err(MatError::Memory(needed));
-        }
-        let mut samples = Vec::new();
-        samples
-            .try_reserve_exact(real.len())
-            .map_err(|_| MatError::Memory(needed))?;
-        samples.extend(
-            real.iter()
-                .zip(imaginary.iter())
-                .map(|(re, im)| Complex32::new(re as f32, im as f32)),
-        );
-        Ok((samples, num_samples, num_pulses))
-    }
-
-    /// Vector of `count` finite numbers, as a row or a column.
-    fn values(&self, name: &str, count: usize, of_fp: &str) -> Result<Vec<f64>, MatError> {
-        let array = self.array(name)?;
-        let Content::Numeric {
+/// Samples `fp` (pulse-major in MATLAB's order), number of samples per pulse, number of pulses. `held_bytes`, the samples and all vectors
+/// must fit `memory_bytes`.
+fn samples(
+    fields: &Fields,
+    held_bytes: u64,
+    memory_bytes: u64,
+) -> Result<(Vec<Complex32>, usize, usize), MatError> {
+    let array = fields.array("fp")?;
+    let (
+        &[num_samples, num_pulses],
+        Content::Numeric {
             real,
-            imaginary: None,
-        } = array.content
-        else {
-            return Err(MatError::Malformed(format!(
-                "data.{name}: expected real numbers, found {}",
-                array.describe()
-            )));
-        };
-        if real.len() != count || !array.dimensions.contains(&count) {
-            return Err(MatError::Malformed(format!(
-                "data.{name}: expected {count} values, since data.fp has {count} {of_fp}, found {}",
-                array.describe_shape()
-            )));
-        }
-        let values: Vec<f64> = real.iter().collect();
-        match values.iter().position(|v| !v.is_finite()) {
-            None => Ok(values),
-            Some(i) => Err(MatError::Malformed(format!(
-                "data.{name}: expected finite values, found {} at index {i}",
-                values[i]
-            ))),
-        }
+            imaginary: Some(imaginary),
+        },
+    ) = (array.dimensions.as_slice(), &array.content)
+    else {
+        return Err(MatError::Malformed(format!(
+            "data.fp: expected a complex matrix, frequencies x pulses, found {}",
+            array.describe()
+        )));
+    };
+    if num_pulses == 0 || num_samples < 2 {
+        return Err(MatError::Malformed(format!(
+            "data.fp is {num_samples} x {num_pulses}: no image can be formed from {num_pulses} pulses of \
+             {num_samples} frequencies (at least 1 of 2)"
+        )));
     }
+    // Per sample, per frequency, and per pulse with its x, y, z and r0.
+    let own_bytes = real.len() * size_of::<Complex32>()
+        + num_samples * size_of::<f64>()
+        + num_pulses * (size_of::<Pulse>() + 4 * size_of::<f64>());
+    let needed = held_bytes + own_bytes as u64;
+    if needed > memory_bytes {
+        return Err(MatError::Memory(needed));
+    }
+    let mut samples = Vec::new();
+    samples
+        .try_reserve_exact(real.len())
+        .map_err(|_| MatError::Memory(needed))?;
+    samples.extend(
+        real.iter()
+            .zip(imaginary.iter())
+            .map(|(re, im)| Complex32::new(re as f32, im as f32)),
+    );
+    Ok((samples, num_samples, num_pulses))
 }

@@ -12,7 +12,7 @@
 //! |---|---|---|
 //! | `container` | XML elements, NITF segments and bounded reads: `container` | `roxmltree` |
 //! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd`; raw echoes to phase history: `receive` (brings `container`) | |
-//! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
+//! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha`; with `cphd`, AFRL's GMTI challenge: `gotcha_gmti` | `flate2` |
 //! | `npz` | arrays in NumPy archives ([`npy::Array::read`]), and phase history from them: `arrays` | `zip`, `flate2` |
 //! | `hdf5` | phase history from arrays in HDF5 (requires `npz`); with `cphd`, NISAR L0B: `l0b` | `hdf5-pure`, `flate2` |
 //! | `recording` | raw recordings described in TOML, and tracks: `recording`, `receive`, `recorded_track`, `motive`, `track_csv`, `estimated_track`, `track_axes`, `target_csv`, `phase_csv`, `pattern_csv` | `subaperture-describe`, `subaperture-navigation` |
@@ -39,6 +39,7 @@ mod frequencies;
 pub mod geojson;
 #[cfg(feature = "gotcha")]
 pub mod gotcha;
+pub mod gotcha_gmti;
 #[cfg(feature = "hdf5")]
 mod hdf5_numbers;
 pub mod input;
@@ -50,6 +51,8 @@ pub mod lock;
 mod marker_swaps;
 #[cfg(feature = "gotcha")]
 mod matlab;
+#[cfg(feature = "gotcha")]
+mod matlab_fields;
 #[cfg(feature = "recording")]
 pub mod motive;
 mod moves;

@@ -1,6 +1,6 @@
 //! Opening of recordings, recognised by content, in files or at URLs ([`super::remote`]). CPHD, CRSD and HDF5 are read by ranges of bytes;
 //! GOTCHA and archives of arrays at URLs are read whole into memory. Only descriptions of raw recordings, which are text, are recognised
-//! by their suffix `.toml`.
+//! by their suffix `.toml`, and samples of the Gotcha GMTI challenge, which have no header, by their name.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,6 +13,7 @@ use super::cphd;
 use super::crsd;
 #[cfg(feature = "gotcha")]
 use super::gotcha;
+use super::gotcha_gmti;
 use super::input::open_file;
 #[cfg(all(feature = "cphd", feature = "hdf5"))]
 use super::l0b;
@@ -25,7 +26,7 @@ use subaperture_model::phase_history::{
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
 const CRSD_MAGIC: &[u8] = b"CRSD";
-const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0, GOTCHA (MATLAB 5) and NISAR L0B files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
+const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0, GOTCHA (MATLAB 5), Gotcha GMTI challenge (by name: PREFIX_chanN_SET_PH) and NISAR L0B files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
 const ARCHIVE_MAGIC: &[u8] = b"PK\x03\x04";
 const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 
@@ -36,12 +37,13 @@ const START_BYTES: usize = 64;
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
     /// Channel of a multichannel recording, by its name or its number from 1. `None`: the reference channel of CPHD
-    /// or CRSD, the first channel of L0B and of arrays, and all pulses of a described recording in order of time.
+    /// or CRSD, the first channel of L0B and of arrays, the channel of the named file of the Gotcha GMTI challenge, and all pulses of a described
+    /// recording in order of time.
     pub channel: Option<&'a str>,
     /// Maximum memory of all recordings opened together, bytes.
     pub memory_bytes: u64,
     /// Keys of raw recording descriptions with values that override them, such as `radar.pri`. They apply to every
-    /// description opened.
+    /// description opened. For the Gotcha GMTI challenge, values that its files do not state ([`gotcha_gmti`]).
     pub settings: &'a [(String, String)],
     /// Inference of the phase convention where a file does not state it, and its verification where it does; the
     /// crate `subaperture` provides `convention::INFERENCE`. If `None`, arrays and descriptions must state the
@@ -101,6 +103,7 @@ fn opened(path: &Path, options: &Options) -> Opened {
             no_channel(path, options)?;
             open_gotcha(path, options)
         }
+        Format::GotchaGmti => open_gotcha_gmti(path, options),
         Format::Cphd => open_cphd(path, options),
         Format::Crsd => open_crsd(path, options),
         #[cfg(all(feature = "cphd", feature = "hdf5"))]
@@ -145,6 +148,7 @@ pub fn open_channels<S: AsRef<str>>(
 ) -> Result<Channels<'static>, ReadError> {
     let all = match format(path, options)? {
         Format::Gotcha => Channels::new(vec![(Channel::new("1"), open_gotcha(path, options)?)])?,
+        Format::GotchaGmti => return gotcha_gmti_channels(path, channels, options),
         Format::Cphd => return cphd_channels(path, channels, options),
         Format::Crsd => return crsd_channels(path, channels, options),
         #[cfg(all(feature = "cphd", feature = "hdf5"))]
@@ -161,6 +165,7 @@ pub fn open_channels<S: AsRef<str>>(
 /// Format of a file.
 enum Format {
     Gotcha,
+    GotchaGmti,
     Cphd,
     Crsd,
     #[cfg(all(feature = "cphd", feature = "hdf5"))]
@@ -193,9 +198,10 @@ fn recognised(path: &Path, start: &[u8], options: &Options) -> Result<Format, Re
     let described = path
         .extension()
         .is_some_and(|extension| extension == "toml");
-    if let ([(key, value), ..], false) = (options.settings, described) {
+    let challenge = gotcha_gmti::Files::of(path).is_some();
+    if let ([(key, value), ..], false) = (options.settings, described || challenge) {
         return Err(ReadError::Mismatch(format!(
-            "{}: setting {key} = {value} applies only to descriptions of raw recordings (.toml): remove it",
+            "{}: setting {key} = {value} applies only to descriptions of raw recordings (.toml) and to the Gotcha GMTI challenge: remove it",
             path.display()
         )));
     }
@@ -210,6 +216,9 @@ fn recognised(path: &Path, start: &[u8], options: &Options) -> Result<Format, Re
     }
     if start.starts_with(ARCHIVE_MAGIC) || start.starts_with(HDF5_MAGIC) {
         return Ok(Format::Arrays);
+    }
+    if challenge {
+        return Ok(Format::GotchaGmti);
     }
     if described {
         return match remote::url(path) {
@@ -252,6 +261,59 @@ fn gotcha_of(name: &Path, _: Vec<u8>, options: &Options) -> Opened {
 #[cfg(not(feature = "gotcha"))]
 fn open_gotcha(path: &Path, _: &Options) -> Opened {
     Err(is_off(path, "a MATLAB 5 file", "gotcha"))
+}
+
+/// Values that the files of the Gotcha GMTI challenge do not state.
+#[cfg(all(feature = "cphd", feature = "gotcha"))]
+fn challenge_settings(path: &Path, options: &Options) -> Result<gotcha_gmti::Settings, ReadError> {
+    gotcha_gmti::Settings::of(options.settings)
+        .map_err(|fault| ReadError::Mismatch(format!("{}: {fault}", path.display())))
+}
+
+#[cfg(all(feature = "cphd", feature = "gotcha"))]
+fn open_gotcha_gmti(path: &Path, options: &Options) -> Opened {
+    let settings = challenge_settings(path, options)?;
+    let (channel, memory_bytes) = (options.channel, options.memory_bytes);
+    let opened = gotcha_gmti::GotchaGmti::open(path, channel, &settings, memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(all(feature = "cphd", feature = "gotcha"))]
+fn gotcha_gmti_channels<S: AsRef<str>>(
+    path: &Path,
+    channels: Option<&[S]>,
+    options: &Options,
+) -> OpenedChannels {
+    let settings = challenge_settings(path, options)?;
+    side_by_side(gotcha_gmti::GotchaGmti::open_channels(
+        path,
+        channels,
+        &settings,
+        options.memory_bytes,
+    )?)
+}
+
+#[cfg(not(all(feature = "cphd", feature = "gotcha")))]
+fn challenge_is_off(path: &Path) -> ReadError {
+    let missing = match cfg!(feature = "cphd") {
+        true => "gotcha",
+        false => "cphd",
+    };
+    is_off(path, "samples of the Gotcha GMTI challenge", missing)
+}
+
+#[cfg(not(all(feature = "cphd", feature = "gotcha")))]
+fn open_gotcha_gmti(path: &Path, _: &Options) -> Opened {
+    Err(challenge_is_off(path))
+}
+
+#[cfg(not(all(feature = "cphd", feature = "gotcha")))]
+fn gotcha_gmti_channels<S: AsRef<str>>(
+    path: &Path,
+    _: Option<&[S]>,
+    _: &Options,
+) -> OpenedChannels {
+    Err(challenge_is_off(path))
 }
 
 #[cfg(feature = "cphd")]

@@ -189,7 +189,8 @@ pub(crate) struct Rehearsal {
 #[derive(Clone, Debug, Default, Group, Deserialize)]
 #[serde(default)]
 pub(crate) struct Input {
-    /// Recordings: CPHD, CRSD, NISAR L0B, GOTCHA .mat, arrays, or descriptions of raw samples (.toml, see subap recording). Several make one aperture,
+    /// Recordings: CPHD, CRSD, NISAR L0B, GOTCHA .mat, Gotcha GMTI challenge (PREFIX_chanN_SET_PH), arrays, or descriptions of raw samples (.toml, see
+    /// subap recording). Several make one aperture,
     /// ordered by time or, without times, by angle
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) files: Vec<PathBuf>,

@@ -5,7 +5,7 @@
 //!
 #![doc = concat!("```no_run\n", include_str!("../examples/read_and_focus.rs"), "```")]
 //!
-//! - [`open()`] reads CPHD, CRSD, NISAR L0B, AFRL's GOTCHA files, arrays, and raw samples described in TOML.
+//! - [`open()`] reads CPHD, CRSD, NISAR L0B, AFRL's GOTCHA files and GMTI challenge, arrays, and raw samples described in TOML.
 //! - [`scene_grid`] proposes an image grid from the recording's extent and resolution. Other grids are parsed from text or
 //!   constructed ([`geometry::ImageGrid`]).
 //! - [`Focus::focus`] forms the image with default settings. [`Focusing`] sets windows, memory, progress reports, and whether
@@ -72,6 +72,7 @@
 //! | `io::cphd`, `io::crsd` | CPHD 1.x; CRSD 1.0 (read only) | `cphd` | `roxmltree` |
 //! | `io::l0b` | NISAR L0B (read only) | `cphd` with `hdf5` | `hdf5-pure` |
 //! | `io::gotcha` | AFRL's GOTCHA files (MATLAB 5) | `gotcha` | `flate2` |
+//! | `io::gotcha_gmti` | AFRL's Gotcha GMTI challenge (read only) | `cphd` with `gotcha` | |
 //! | [`io::npy`], `io::arrays` | NumPy arrays and archives; phase history stored in them | `npz` | `zip` |
 //! | `io::arrays` | phase history stored in HDF5 | `hdf5` | `hdf5-pure` |
 //! | `io::recording`, `describe`, `receive` | raw recordings described in TOML; range compression to phase history | `recording` | `toml` |

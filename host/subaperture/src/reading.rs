@@ -7,7 +7,8 @@ use subaperture_focus::machine;
 use subaperture_io::open::{self as files, Options};
 use subaperture_model::phase_history::{Channels, Joined, ReadError};
 
-/// Open a recording. The format is recognised by content: CPHD, CRSD, NISAR L0B, GOTCHA, arrays, or a raw recording's description (`.toml`).
+/// Open a recording. The format is recognised by content: CPHD, CRSD, NISAR L0B, GOTCHA, arrays; or by name: a raw recording's description (`.toml`), samples of the
+/// Gotcha GMTI challenge (`PREFIX_chanN_SET_PH`).
 ///
 /// If the file does not state the sign or reference of its phase, they are inferred or the file is refused ([`convention`](crate::convention)).
 ///

@@ -1,13 +1,14 @@
 //! Recognition of files and folders by content.
 //!
-//! File names decide only where content cannot: `.toml` for a description without a known table, `.sigmf-data` (samples without a
-//! header), `.hgt` and `.sbet`. Recognition reads the first bytes only; the format's reader detects damage.
+//! File names decide only where content cannot: `.toml` for a description without a known table, `.sigmf-data` and samples of the Gotcha GMTI
+//! challenge (without a header), `.hgt` and `.sbet`. Recognition reads the first bytes only; the format's reader detects damage.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use subaperture_io::gotcha_gmti;
 use subaperture_io::input::open_file;
 use subaperture_io::json::{self, Limits};
 
@@ -30,7 +31,7 @@ const SBET_BYTES: u64 = 136;
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {
-    /// Phase history or raw echoes readable by [`crate::open()`]: CPHD, CRSD, NISAR L0B, GOTCHA, arrays, or a TOML description.
+    /// Phase history or raw echoes readable by [`crate::open()`]: CPHD, CRSD, NISAR L0B, GOTCHA, Gotcha GMTI challenge, arrays, or a TOML description.
     Recording,
     /// Image of any format supported by the module `images`.
     Image,
@@ -151,6 +152,7 @@ fn of_bytes(path: &Path, head: &[u8]) -> FileKind {
         }
         () if begins(b"CPHD/") || begins(b"CRSD") || begins(b"MATLAB 5") => FileKind::Recording,
         () if begins(b"PK\x03\x04") || begins(b"\x89HDF\r\n\x1a\n") => FileKind::Recording,
+        () if gotcha_gmti::Files::of(path).is_some() => FileKind::Recording,
         () if begins(&[0xaa, 0x44, 0x12]) || begins(&[0xaa, 0x44, 0x13]) => FileKind::Navigation,
         () if is("hgt") && is_hgt(path) => FileKind::Elevation,
         () if is_binary(head) => match bytes_of(path) {
@@ -365,6 +367,8 @@ mod tests {
             ("r.txt", b"#INSPVAXA,COM1,0,0\n", FileKind::Navigation),
             ("s.txt", b"a,b,c\n1,2,3\n", FileKind::Unknown),
             ("t.txt", b"", FileKind::Unknown),
+            ("a_chan1_b_PH", b"\x00\x01", FileKind::Recording),
+            ("a_chan1_b_PHX", b"\x00\x01", FileKind::Unknown),
         ] {
             fs::write(at.join(name), content).unwrap();
             assert_eq!(recognise(&at.join(name)), expected, "{name}");

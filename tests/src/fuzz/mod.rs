@@ -17,6 +17,7 @@ mod captures;
 mod container;
 mod crsd;
 mod endpoint;
+mod gotcha_gmti;
 mod images;
 mod jobs;
 mod l0b;
@@ -79,7 +80,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All targets.
-pub static TARGETS: [Target; 32] = [
+pub static TARGETS: [Target; 33] = [
     Target {
         name: "job",
         read: jobs::job,
@@ -134,6 +135,14 @@ pub static TARGETS: [Target; 32] = [
         seeds: recordings::matlab_seeds,
         repair: |bytes| repair::matlab(bytes),
         words: recordings::MATLAB_WORDS,
+        most_bytes: budgeted,
+    },
+    Target {
+        name: "gotcha_gmti",
+        read: gotcha_gmti::read,
+        seeds: gotcha_gmti::seeds,
+        repair: gotcha_gmti::repair,
+        words: gotcha_gmti::WORDS,
         most_bytes: budgeted,
     },
     Target {

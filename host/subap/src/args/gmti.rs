@@ -32,11 +32,11 @@ pub(crate) const CROSS_SECTION_M2: f64 = 10.0;
     Receivers must be apart along the track. A target appears in the image displaced along the track by range times radial\n\
     velocity over radar speed; its marked position is corrected by the velocity measured between the channels.")]
 pub(crate) struct Gmti {
-    /// Recording with pulse times and two or more channels along the track: CPHD 1.x, or a description of raw samples (.toml). With --evaluate a scenario of subap simulate
+    /// Recording with pulse times and two or more channels along the track: CPHD 1.x, Gotcha GMTI challenge, or a description of raw samples (.toml). With --evaluate a scenario of subap simulate
     #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) input: PathBuf,
 
-    /// Override a key of a description, such as radar.first_pulse=9.2s. May be repeated
+    /// Override a key of a description, such as radar.first_pulse=9.2s; or state receiver_offset=A,B,C or prf of the Gotcha GMTI challenge. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
     pub(crate) set: Vec<(String, String)>,
 

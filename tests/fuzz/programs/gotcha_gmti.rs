@@ -1,0 +1,2 @@
+#![no_main]
+subaperture_fuzz::program!("gotcha_gmti");
