@@ -16,7 +16,7 @@ use crate::alignment::Alignment;
 use crate::detection::{Settings, StatisticMap, differences, steering, unambiguous_m_s};
 use crate::error::GmtiError;
 use crate::images::ChannelImages;
-use crate::interleaved::Spacing;
+use crate::correlation::Spacing;
 use crate::registration::median;
 
 /// Velocities of the curve, from 0 to the largest without ambiguity.
