@@ -48,7 +48,9 @@ impl Correlation {
 
     /// Spacing of independent pixels: the lengths, rounded up.
     pub(crate) fn spacing(&self) -> Spacing {
-        let [rows, columns] = self.0.map(|length| (length.ceil() as usize).min(MAX_SPACING));
+        let [rows, columns] = self
+            .0
+            .map(|length| (length.ceil() as usize).min(MAX_SPACING));
         Spacing { rows, columns }
     }
 
@@ -64,7 +66,10 @@ fn length(blocks: &[Block], image: &Image, axis: usize) -> f64 {
     let sound: Vec<(&Block, f64, Carrier)> = blocks
         .par_iter()
         .filter_map(|block| {
-            let power = products(block, image, axis, 0).iter().map(|z| z.re).sum::<f64>();
+            let power = products(block, image, axis, 0)
+                .iter()
+                .map(|z| z.re)
+                .sum::<f64>();
             let carrier = Carrier::of(&products(block, image, axis, 1));
             (power > 0.0 && power.is_finite()).then_some((block, power, carrier))
         })
@@ -141,8 +146,8 @@ impl Carrier {
     /// Carrier by the products of neighbouring pixels.
     fn of(products: &[Complex64]) -> Self {
         let middle = products.len() / 2;
-        let [first, second] = [&products[..middle], &products[middle..]]
-            .map(|half| half.iter().sum::<Complex64>());
+        let [first, second] =
+            [&products[..middle], &products[middle..]].map(|half| half.iter().sum::<Complex64>());
         let between_rad = (second * first.conj()).arg();
         let change_rad = 2.0 * between_rad / products.len().max(1) as f64;
         // The first half is as far from its middle.
@@ -204,7 +209,13 @@ mod tests {
             for (found, expected) in correlation.0.into_iter().zip(expected) {
                 assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");
             }
-            assert_eq!(correlation.spacing(), Spacing { rows: 3, columns: 2 });
+            assert_eq!(
+                correlation.spacing(),
+                Spacing {
+                    rows: 3,
+                    columns: 2
+                }
+            );
         }
     }
 }

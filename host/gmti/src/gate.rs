@@ -117,7 +117,8 @@ impl Gate {
         let of_place = |(i, &place_m): (usize, &DVec3)| {
             let middle = |group| self.pulses.items(group..group + 1).start + self.pulses.length / 2;
             let groups = 0..self.pulses.count;
-            let pulses = groups.map(|group| self.changed(&collection.pulses[middle(group)], place_m));
+            let pulses =
+                groups.map(|group| self.changed(&collection.pulses[middle(group)], place_m));
             let gated = with_pulses(collection, pulses.collect(), self.samples.count);
             let samples = parts.iter().flat_map(|part| part[i].iter().copied());
             InMemory::new(gated, samples.collect())

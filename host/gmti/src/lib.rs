@@ -46,8 +46,8 @@ mod sensitivity;
 pub mod space_time;
 pub mod stanag4607;
 mod target;
-mod turns;
 pub mod tracker;
+mod turns;
 
 pub use alignment::Alignment;
 pub use balance::{Balanced, ChannelBalance, MIN_COHERENCE, balance};

@@ -35,7 +35,11 @@ mod tests {
             (0.125 - 15.0 / (16.0 * square)) / 1.5,
         ];
         // The rule of midpoints has an error of some 1e-6.
-        for (found, expected) in uniform.into_iter().zip([1.0 / 12.0; 2]).chain(hann.into_iter().zip(expected)) {
+        for (found, expected) in uniform
+            .into_iter()
+            .zip([1.0 / 12.0; 2])
+            .chain(hann.into_iter().zip(expected))
+        {
             assert!((found - expected).abs() < 2e-6, "{found} {expected}");
         }
     }

@@ -14,11 +14,11 @@ use std::collections::HashSet;
 use num_complex::{Complex32, Complex64};
 
 use crate::adaptive::{Loading, Whitener, power, product};
+use crate::alignment::Alignment;
 use crate::detection::{
-    StatisticMap, channels, steering, train, unambiguous_m_s, velocities_m_s,
-};
+    Settings, StatisticMap, channels, steering, train, unambiguous_m_s, velocities_m_s};
 use crate::error::GmtiError;
-use crate::target::Estimator;
+use crate::images::ChannelImages;
 
 /// Steps of the velocity search, per interval between tested velocities.
 const FINE: usize = 8;
@@ -35,71 +35,72 @@ pub(crate) struct Radial {
     pub(crate) powers: Vec<f64>,
 }
 
-impl Estimator<'_> {
-    /// Radial velocity of a target by its `used` pixels, and the powers of a `region`.
-    pub(crate) fn velocity(
-        &self,
-        map: &StatisticMap,
-        peak: usize,
-        used: &[usize],
-        region: &[usize],
-    ) -> Result<Radial, GmtiError> {
-        let (lags_s, centre_hz) = (self.alignment.lags_s(), self.images.centre_hz);
-        let size = lags_s.len();
-        let covariance = train(self.images, map, self.settings, peak, (size, channels));
-        let whitener = covariance.factor(Loading::Off)?;
-        let mut cell = vec![Complex32::ZERO; size];
-        let mut white = |pixels: &[usize]| -> Vec<Vec<Complex64>> {
-            let of_pixel = |&pixel: &usize| {
-                channels(self.images, pixel, &mut cell);
-                let mut white = vec![Complex64::ZERO; size];
-                whitener.whiten(&cell, &mut white);
-                white
-            };
-            pixels.iter().map(of_pixel).collect()
+/// Radial velocity of a target by its `used` pixels, and the powers of a `region`.
+///
+/// # Errors
+/// [`GmtiError::Adaptive`] if training fails.
+pub(crate) fn radial(
+    images: &ChannelImages,
+    alignment: &Alignment,
+    settings: &Settings,
+    map: &StatisticMap,
+    (peak, used, region): (usize, &[usize], &[usize]),
+) -> Result<Radial, GmtiError> {
+    let (lags_s, centre_hz) = (alignment.lags_s(), images.centre_hz);
+    let size = lags_s.len();
+    let covariance = train(images, map, settings, peak, (size, channels));
+    let whitener = covariance.factor(Loading::Off)?;
+    let mut cell = vec![Complex32::ZERO; size];
+    let mut white = |pixels: &[usize]| -> Vec<Vec<Complex64>> {
+        let of_pixel = |&pixel: &usize| {
+            channels(images, pixel, &mut cell);
+            let mut white = vec![Complex64::ZERO; size];
+            whitener.whiten(&cell, &mut white);
+            white
         };
-        let [used, region] = [used, region].map(&mut white);
-        let snapshots = covariance.snapshots() as f64;
-        let powers = |cells, velocity_m_s: f64| {
-            let steering = steering(lags_s, centre_hz, velocity_m_s);
-            matched_powers(&whitener, &steering, cells).map(move |power| snapshots * power)
-        };
-        let likelihood =
-            |velocity_m_s: f64| powers(&used, velocity_m_s).sum::<f64>() / map.cell_pixels;
-        let most = unambiguous_m_s(lags_s, centre_hz);
-        let count = FINE * velocities_m_s(lags_s, centre_hz).len();
-        let step = 2.0 * most / count as f64;
-        let places = (0..count).map(|i| (i as f64 + 0.5) * step - most);
-        let mut best = places
-            .map(|v| (v, likelihood(v)))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .expect("velocities are searched");
-        let mut width = step / 2.0;
-        while width > 1e-7 * most {
-            for v in [best.0 - width, best.0 + width] {
-                let there = likelihood(v);
-                if there > best.1 {
-                    best = (v, there);
-                }
+        pixels.iter().map(of_pixel).collect()
+    };
+    let [used, region] = [used, region].map(&mut white);
+    let snapshots = covariance.snapshots() as f64;
+    let powers = |cells, velocity_m_s: f64| {
+        let steering = steering(lags_s, centre_hz, velocity_m_s);
+        matched_powers(&whitener, &steering, cells).map(move |power| snapshots * power)
+    };
+    let likelihood =
+        |velocity_m_s: f64| powers(&used, velocity_m_s).sum::<f64>() / map.cell_pixels;
+    let most = unambiguous_m_s(lags_s, centre_hz);
+    let count = FINE * velocities_m_s(lags_s, centre_hz).len();
+    let step = 2.0 * most / count as f64;
+    let places = (0..count).map(|i| (i as f64 + 0.5) * step - most);
+    let mut best = places
+        .map(|v| (v, likelihood(v)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .expect("velocities are searched");
+    let mut width = step / 2.0;
+    while width > 1e-7 * most {
+        for v in [best.0 - width, best.0 + width] {
+            let there = likelihood(v);
+            if there > best.1 {
+                best = (v, there);
             }
-            width /= 2.0;
         }
-        let h = step / 4.0;
-        let curvature = (2.0 * best.1 - likelihood(best.0 + h) - likelihood(best.0 - h)) / (h * h);
-        let deviation = match curvature > 0.0 {
-            true => curvature.sqrt().recip().min(most),
-            false => most,
-        };
-        Ok(Radial {
-            velocity_m_s: best.0,
-            deviation_m_s: deviation,
-            ambiguity_m_s: 2.0 * most,
-            powers: powers(&region, best.0).collect(),
-        })
+        width /= 2.0;
     }
+    let h = step / 4.0;
+    let curvature = (2.0 * best.1 - likelihood(best.0 + h) - likelihood(best.0 - h)) / (h * h);
+    let deviation = match curvature > 0.0 {
+        true => curvature.sqrt().recip().min(most),
+        false => most,
+    };
+    Ok(Radial {
+        velocity_m_s: best.0,
+        deviation_m_s: deviation,
+        ambiguity_m_s: 2.0 * most,
+        powers: powers(&region, best.0).collect(),
+    })
 }
 
-/// Pixels within an independent cell of the `used` ones, without those of other targets: those that are detected and not in the group of `pixels`.
+/// Pixels within an independent cell of the `used` ones, without detected pixels outside of the group `pixels`: they belong to other targets.
 ///
 /// The statistic of the map is not used to locate a target: its threshold cuts off weak pixels, and its covariance changes from pixel to pixel.
 pub(crate) fn region(map: &StatisticMap, used: &[usize], pixels: &[usize]) -> Vec<usize> {

@@ -33,7 +33,7 @@ use crate::groups::groups;
 use crate::images::ChannelImages;
 use crate::moments::moments;
 use crate::motion::{CrossRange, axes};
-use crate::radial::{Radial, region};
+use crate::radial::{Radial, radial, region};
 use crate::space_time::{Motion, Mover};
 
 /// Level below the strongest pixel of a target, dB, from which its pixels are used.
@@ -177,7 +177,13 @@ impl Estimator<'_> {
             deviation_m_s: deviation,
             ambiguity_m_s: ambiguity,
             powers,
-        } = self.velocity(map, peak, &used, &region)?;
+        } = radial(
+            self.images,
+            self.alignment,
+            self.settings,
+            map,
+            (peak, &used, &region),
+        )?;
         // Weights that fall to 0 at the edge of the target: a step would draw the mean to the pixels.
         let strongest = powers.iter().copied().fold(0.0, f64::max);
         let least = strongest * 10f64.powf(-USED_DB / 10.0);

@@ -68,7 +68,10 @@ impl<const N: usize> Counts<N> {
             let percent = 100.0 * inside as f64 / count as f64;
             println!("{name}: RMS {rms:.2} sigma, {percent:.1} % within 1.96 sigma, {errors:.2?}");
             let limits = limits(count, COVERAGE);
-            assert!(limits.contains(&inside), "{name}: {inside}, expected {limits:?}");
+            assert!(
+                limits.contains(&inside),
+                "{name}: {inside}, expected {limits:?}"
+            );
         }
     }
 
@@ -101,7 +104,9 @@ fn limits(count: usize, [low, high]: [f64; 2]) -> RangeInclusive<usize> {
         }
         sum
     };
-    let least = (0..count).take_while(|&k| below(k + 1, low) < WRONG).count();
+    let least = (0..count)
+        .take_while(|&k| below(k + 1, low) < WRONG)
+        .count();
     let most = (least..count).find(|&k| below(k + 1, high) > 1.0 - WRONG);
     least..=most.unwrap_or(count)
 }

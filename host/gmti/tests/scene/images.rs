@@ -11,8 +11,8 @@ use subaperture_signal::window::Window;
 
 use crate::counts::Counts;
 use crate::recording::{
-    Errors, SPREAD_M_S, THREE, TWO, Truth, Uniform, imaging, impaired,
-    number_of_scenes, recorded, scenario_of_movers, scene, strip, strip_of_seed, with_movers,
+    Errors, SPREAD_M_S, THREE, TWO, Truth, Uniform, imaging, impaired, number_of_scenes, recorded,
+    scenario_of_movers, scene, strip, strip_of_seed, with_movers,
 };
 
 const GRID: &str = "x=-60:60:0.3,y=-60:60:0.5,z=0";
@@ -358,7 +358,7 @@ fn errors_of_random_movers_are_within_their_covariances() {
     counts.assert_detected(99, scenes);
 }
 
-/// Grid within a strip. A scatterer of 0.3 m/s, three standard deviations, appears 12 m from its place. The clutter extends as far beyond the grid, or its mean velocity would be biased at the edges.
+/// Grid within a strip. A scatterer of 0.3 m/s, three standard deviations, appears 12 m from its place: clutter that ended at the edge of the grid would have a mean velocity there.
 const MIDDLE_GRID: &str = "x=-48:48:0.3,y=-15:15:0.5,z=0";
 
 /// Targets of a strip.
