@@ -483,6 +483,9 @@ fn identity(size: usize) -> Vec<Complex64> {
     (0..size * size).map(element).collect()
 }
 
+/// Function that reads the vector of a pixel.
+type Vector = fn(&ChannelImages, usize, &mut [Complex32]);
+
 /// Vector of a pixel over all channels.
 pub(crate) fn channels(images: &ChannelImages, pixel: usize, out: &mut [Complex32]) {
     for (out, image) in out.iter_mut().zip(&images.images) {
@@ -496,7 +499,7 @@ pub(crate) fn train(
     map: &StatisticMap,
     settings: &Settings,
     pixel: usize,
-    (degrees, vector): (usize, fn(&ChannelImages, usize, &mut [Complex32])),
+    (degrees, vector): (usize, Vector),
 ) -> Covariance {
     let size = [map.rows, map.columns];
     let interleaved = Interleaved::new(size, map.spacing);

@@ -31,14 +31,14 @@ pub(crate) struct Turns {
 impl Turns {
     /// Powers of `turn`, of magnitude 1.
     pub(crate) fn new(turn: Complex64) -> Self {
-        let mut first = [[0.0; LANES]; 2];
+        let [mut re, mut im] = [[0.0; LANES]; 2];
         let mut power = Complex64::ONE;
-        for k in 0..LANES {
-            [first[0][k], first[1][k]] = [power.re, power.im];
+        for (re, im) in re.iter_mut().zip(&mut im) {
+            (*re, *im) = (power.re, power.im);
             power *= turn;
         }
         Self {
-            first,
+            first: [re, im],
             stride: power,
         }
     }
