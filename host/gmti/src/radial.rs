@@ -16,7 +16,8 @@ use num_complex::{Complex32, Complex64};
 use crate::adaptive::{Loading, Whitener, power, product};
 use crate::alignment::Alignment;
 use crate::detection::{
-    Settings, StatisticMap, channels, steering, train, unambiguous_m_s, velocities_m_s};
+    Settings, StatisticMap, channels, steering, train, unambiguous_m_s, velocities_m_s,
+};
 use crate::error::GmtiError;
 use crate::images::ChannelImages;
 
@@ -66,8 +67,7 @@ pub(crate) fn radial(
         let steering = steering(lags_s, centre_hz, velocity_m_s);
         matched_powers(&whitener, &steering, cells).map(move |power| snapshots * power)
     };
-    let likelihood =
-        |velocity_m_s: f64| powers(&used, velocity_m_s).sum::<f64>() / map.cell_pixels;
+    let likelihood = |velocity_m_s: f64| powers(&used, velocity_m_s).sum::<f64>() / map.cell_pixels;
     let most = unambiguous_m_s(lags_s, centre_hz);
     let count = FINE * velocities_m_s(lags_s, centre_hz).len();
     let step = 2.0 * most / count as f64;
