@@ -37,6 +37,7 @@ use crate::adaptive::widen;
 use crate::alignment::Alignment;
 use crate::error::GmtiError;
 use crate::registration::median;
+use crate::turns::{RECURRENCE, rotate};
 
 /// Smallest accepted coherence of a channel with the first.
 pub const MIN_COHERENCE: f64 = 0.25;
@@ -384,22 +385,6 @@ fn compensate(pulse: &Pulse, centre_m: DVec3, line: &mut [Complex32]) {
         [pulse.start_hz, pulse.step_hz].map(|hz| hz * cycles_a_hz),
         1.0,
     );
-}
-
-/// Samples between two sines of the recurrence in [`rotate`]: its error grows by one rounding of float64 a sample.
-const RECURRENCE: usize = 64;
-
-/// Multiply sample `k` by `scale exp(+j 2 pi (start + k step))`, start and step in cycles.
-pub(crate) fn rotate(line: &mut [Complex32], [start, step]: [f64; 2], scale: f64) {
-    let phasor = |cycles: f64| Complex64::cis(TAU * (cycles - cycles.round()));
-    let turn = phasor(step);
-    for (i, part) in line.chunks_mut(RECURRENCE).enumerate() {
-        let mut factor = phasor(start + (i * RECURRENCE) as f64 * step) * scale;
-        for z in part {
-            *z *= Complex32::new(factor.re as f32, factor.im as f32);
-            factor *= turn;
-        }
-    }
 }
 
 /// Phase history of a channel with its [`ChannelBalance`] removed.

@@ -45,9 +45,10 @@ use crate::adaptive::{
     AdaptiveError, Covariance, Detector, Loading, Performance, Statistic, Whitener,
 };
 use crate::alignment::Alignment;
+use crate::correlation::{Correlation, Spacing};
 use crate::error::GmtiError;
 use crate::images::ChannelImages;
-use crate::interleaved::{self, Interleaved, RingRow, Spacing};
+use crate::interleaved::{self, Interleaved, RingRow};
 
 /// Velocities per unambiguous interval and ratio of largest and smallest lag.
 const VELOCITIES: f64 = 16.0;
@@ -106,6 +107,8 @@ pub struct StatisticMap {
     pub detected: Vec<bool>,
     /// Spacing of independent cells.
     pub spacing: Spacing,
+    /// Number of pixels of an independent cell.
+    pub cell_pixels: f64,
     /// Number of independent cells that were tested.
     pub cells: f64,
     /// Probability of false alarm of one velocity with which the maximum over velocities has the requested one.
@@ -175,7 +178,8 @@ pub fn detect(
     if !(requested > 0.0 && requested < 1.0) {
         return Err(AdaptiveError::Probability(requested).into());
     }
-    let spacing = Spacing::measure(&images.images[0]);
+    let correlation = Correlation::measure(&images.images[0]);
+    let spacing = correlation.spacing();
     let steering = steering_of_differences(lags_s, images.centre_hz);
     let single = of_one_velocity(requested, curve_length(images, spacing, &steering)?);
     let thresholds = vec![OnceLock::new(); most + 1];
@@ -206,7 +210,8 @@ pub fn detect(
         snr: vec![0.0; rows * columns],
         detected: vec![false; rows * columns],
         spacing,
-        cells: tested as f64 / (spacing.rows * spacing.columns) as f64,
+        cell_pixels: correlation.cell_pixels(),
+        cells: tested as f64 / correlation.cell_pixels(),
         single_probability: single,
     };
     if map.cells == 0.0 {
@@ -478,6 +483,9 @@ fn identity(size: usize) -> Vec<Complex64> {
     (0..size * size).map(element).collect()
 }
 
+/// Function that reads the vector of a pixel.
+type Vector = fn(&ChannelImages, usize, &mut [Complex32]);
+
 /// Vector of a pixel over all channels.
 pub(crate) fn channels(images: &ChannelImages, pixel: usize, out: &mut [Complex32]) {
     for (out, image) in out.iter_mut().zip(&images.images) {
@@ -485,23 +493,31 @@ pub(crate) fn channels(images: &ChannelImages, pixel: usize, out: &mut [Complex3
     }
 }
 
-/// Covariance of all channels around a pixel.
+/// Covariance of the vectors of `degrees` elements around a pixel: [`channels`] or [`differences`]. Pixels of detected targets are left out while enough are left.
 pub(crate) fn train(
     images: &ChannelImages,
-    spacing: Spacing,
+    map: &StatisticMap,
     settings: &Settings,
     pixel: usize,
+    (degrees, vector): (usize, Vector),
 ) -> Covariance {
-    let degrees = images.images.len();
-    let size = [images.images[0].rows, images.images[0].columns];
-    let interleaved = Interleaved::new(size, spacing);
-    let mut covariance = Covariance::new(degrees);
+    let size = [map.rows, map.columns];
+    let interleaved = Interleaved::new(size, map.spacing);
     let mut cell = vec![Complex32::ZERO; degrees];
-    for training in interleaved.ring(pixel, settings.reach(size)) {
-        channels(images, training, &mut cell);
-        covariance.add(&cell);
+    let mut trained = |is_used: &dyn Fn(&usize) -> bool| {
+        let mut covariance = Covariance::new(degrees);
+        let ring = interleaved.ring(pixel, settings.reach(size));
+        for training in ring.filter(is_used) {
+            vector(images, training, &mut cell);
+            covariance.add(&cell);
+        }
+        covariance
+    };
+    let covariance = trained(&|&training| !map.detected[training]);
+    match covariance.snapshots() < 2 * degrees {
+        true => trained(&|_| true),
+        false => covariance,
     }
-    covariance
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use subaperture_model::phase_history::{
     Collection, InMemory, PhaseHistory, Pulse, ReadError, Weights,
 };
 
-use crate::balance::rotate;
+use crate::turns::rotate;
 
 /// Range cells that are kept about a place.
 const CELLS: usize = 32;
@@ -55,6 +55,18 @@ impl Division {
     fn items(&self, parts: Range<usize>) -> Range<usize> {
         let at = |part: usize| self.first + part * self.length;
         at(parts.start)..at(parts.end)
+    }
+}
+
+/// Collection with other pulses.
+pub(crate) fn with_pulses(own: &Collection, pulses: Vec<Pulse>, num_samples: usize) -> Collection {
+    Collection {
+        name: own.name.clone(),
+        num_samples,
+        pulses,
+        frame: own.frame,
+        extent: own.extent,
+        timed: own.timed,
     }
 }
 
@@ -105,17 +117,13 @@ impl Gate {
         let of_place = |(i, &place_m): (usize, &DVec3)| {
             let middle = |group| self.pulses.items(group..group + 1).start + self.pulses.length / 2;
             let groups = 0..self.pulses.count;
-            let gated = Collection {
-                pulses: groups
-                    .map(|group| self.changed(&collection.pulses[middle(group)], place_m))
-                    .collect(),
-                num_samples: self.samples.count,
-                ..collection.clone()
-            };
+            let pulses =
+                groups.map(|group| self.changed(&collection.pulses[middle(group)], place_m));
+            let gated = with_pulses(collection, pulses.collect(), self.samples.count);
             let samples = parts.iter().flat_map(|part| part[i].iter().copied());
             InMemory::new(gated, samples.collect())
         };
-        places_m.iter().enumerate().map(of_place).collect()
+        places_m.par_iter().enumerate().map(of_place).collect()
     }
 
     /// Blocks of some groups of pulses for each place, with the weights of pulses and the `totals` of groups.
@@ -132,10 +140,9 @@ impl Gate {
         let mut samples = vec![Complex32::ZERO; pulses.len() * count];
         history.read(pulses.clone(), &mut samples)?;
         let used = self.samples.items(0..self.samples.count);
-        let fast: Vec<f32> = weights.fast[used.clone()]
-            .iter()
-            .map(|&w| w as f32)
-            .collect();
+        let own = &weights.fast[used.clone()];
+        let mean = own.iter().sum::<f64>() / own.len() as f64;
+        let fast: Vec<f32> = own.iter().map(|&w| (w / mean) as f32).collect();
         let mut line = vec![Complex32::ZERO; used.len()];
         let of_place = |&place_m: &DVec3| {
             let mut blocks = vec![Complex32::ZERO; groups.len() * self.samples.count];

@@ -70,7 +70,7 @@ fn root(joined: &[usize], mut group: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::interleaved::Spacing;
+    use crate::correlation::Spacing;
 
     fn map(snr: &[f32]) -> StatisticMap {
         StatisticMap {
@@ -82,6 +82,7 @@ mod tests {
                 rows: 1,
                 columns: 1,
             },
+            cell_pixels: 1.0,
             cells: snr.len() as f64,
             single_probability: 1e-6,
         }

@@ -2,105 +2,12 @@
 
 use std::ops::Range;
 
-use num_complex::{Complex32, Complex64};
-use subaperture_model::image::Image;
+use num_complex::Complex32;
 
-use crate::adaptive::widen;
+use crate::correlation::Spacing;
 
 /// Rows of an interleaved image that are processed with one running sum.
 const BAND_ROWS: usize = 64;
-
-/// Largest spacing that is searched, pixels.
-const MAX_SPACING: usize = 32;
-
-/// Edge of the blocks whose correlation is averaged, pixels.
-const BLOCK: usize = 64;
-
-/// Largest number of blocks: of more, as many are taken at equal distances. Some 40,000 independent cells determine `|r|^2` to 3e-5.
-const MOST_BLOCKS: usize = 64;
-
-/// Squared correlation from which it is noise of the estimate.
-const NOISE: f64 = 0.01;
-
-/// Spacing of independent cells in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Spacing {
-    /// Along rows of the grid.
-    pub rows: usize,
-    /// Along columns of the grid.
-    pub columns: usize,
-}
-
-impl Spacing {
-    /// Measure the correlation length `sum |r(lag)|^2` of the pixels of an image along both axes, rounded up; `r` is the autocorrelation, averaged over
-    /// blocks of equal weight.
-    pub fn measure(image: &Image) -> Self {
-        let along = |axis: usize| {
-            let count = [image.rows, image.columns][axis];
-            let blocks = blocks(image);
-            let sound: Vec<(&Block, f64)> = blocks
-                .iter()
-                .map(|block| (block, correlation(block, image, axis, 0).re))
-                .filter(|(_, power)| *power > 0.0 && power.is_finite())
-                .collect();
-            let correlation = |lag: usize| {
-                let terms = sound.iter().map(|(block, power)| {
-                    let length = block[axis].len();
-                    let pairs = length.saturating_sub(lag).max(1);
-                    correlation(block, image, axis, lag) / power * (length as f64 / pairs as f64)
-                });
-                terms.sum::<Complex64>() / (sound.len() as f64).max(1e-300)
-            };
-            let most = MAX_SPACING.min(count.saturating_sub(1));
-            let squares = (1..=most).map(|lag| correlation(lag).norm_sqr());
-            let squares = squares.take_while(|&square| square > NOISE);
-            let cells = 1.0 + 2.0 * squares.sum::<f64>();
-            (cells.ceil() as usize).clamp(1, MAX_SPACING)
-        };
-        Self {
-            rows: along(0),
-            columns: along(1),
-        }
-    }
-}
-
-/// Rows and columns of a block.
-type Block = [Range<usize>; 2];
-
-/// Blocks of an image whose correlation is averaged.
-fn blocks(image: &Image) -> Vec<Block> {
-    let size = [image.rows, image.columns];
-    let tiles = size.map(|count| count.div_ceil(BLOCK));
-    let all = tiles[0] * tiles[1];
-    let used = all.min(MOST_BLOCKS);
-    let part = |tile: usize, count: usize| tile * BLOCK..((tile + 1) * BLOCK).min(count);
-    let block = |i: usize| {
-        let tile = i * all / used;
-        [
-            part(tile / tiles[1], size[0]),
-            part(tile % tiles[1], size[1]),
-        ]
-    };
-    (0..used).map(block).collect()
-}
-
-/// Autocorrelation of a block at a `lag` along an axis: the sum of the products.
-fn correlation([rows, columns]: &Block, image: &Image, axis: usize, lag: usize) -> Complex64 {
-    let [down, across] = [[lag, 0], [0, lag]][axis];
-    let line = |row: usize, columns: Range<usize>| &image.pixels[row * image.columns..][columns];
-    let mut sum = Complex64::ZERO;
-    for row in rows.start..rows.end.saturating_sub(down) {
-        if columns.len() <= across {
-            break;
-        }
-        let own = line(row, columns.start..columns.end - across);
-        let other = line(row + down, columns.start + across..columns.end);
-        for (&a, &b) in own.iter().zip(other) {
-            sum += widen(b) * widen(a).conj();
-        }
-    }
-    sum
-}
 
 /// Division of an image into interleaved images.
 pub(crate) struct Interleaved {
@@ -231,12 +138,21 @@ impl Interleaved {
                     _ => 0..0,
                 };
                 for (e, sum) in strip.iter_mut().enumerate() {
+                    let products = |row: usize| &products[row % kept][e];
+                    // Most rows: one enters and one leaves, in one pass over the sums.
+                    if entering.len() == 1 && leaving.len() == 1 {
+                        let pairs = products(entering.start).iter();
+                        let pairs = pairs.zip(products(leaving.start));
+                        let changes = sum.iter_mut().zip(pairs);
+                        changes.for_each(|(sum, (&a, &b))| *sum += f64::from(a) - f64::from(b));
+                        continue;
+                    }
                     for row in entering.clone() {
-                        let entering = sum.iter_mut().zip(&products[row % kept][e]);
+                        let entering = sum.iter_mut().zip(products(row));
                         entering.for_each(|(sum, &value)| *sum += f64::from(value));
                     }
                     for row in leaving.clone() {
-                        let leaving = sum.iter_mut().zip(&products[row % kept][e]);
+                        let leaving = sum.iter_mut().zip(products(row));
                         leaving.for_each(|(sum, &value)| *sum -= f64::from(value));
                     }
                 }

@@ -4,13 +4,14 @@
 //! differs by its horizontal velocity across the line of sight. The value of that place is computed over velocities ([`VelocityPlane`]) for each channel: columns
 //! across the line of sight, rows along it, which correct the place by up to 1.3 cells, and by up to 4 where the maximum is beyond. Clutter is removed by differences as in [`crate::detection`]: a
 //! stationary scatterer appears in a frame of velocity `w` with the phase `2 pi f rate(w) tau_c / c` of channel `c`, `rate(w)` the path rate of `w`. The
-//! maximum of the power over velocities is the cross-range velocity. The differences `d_c` of `C` channels share the noise of the first channel, so that its variance is
+//! maximum over velocities of the power `P` of the differences, whitened by their covariance around the target, is the cross-range velocity. With `P` in units of the noise its variance is
 //!
 //! ```text
-//! sigma_v^2 = rho / -P''(v),    rho = (sum_c |d_c|^2 + |sum_c d_c|^2) / (2 (C - 1) sum_c |d_c|^2)
+//! sigma_v^2 = rho / -P''(v),    rho = <(h - <h>_w)^2>_{w^2} / <(h - <h>_w)^2>_w
 //! ```
 //!
-//! with the power `P` in units of the mean noise power of all differences.
+//! `h` the square of the along-track position from the middle of the section, to which the phase by a cross-range velocity is proportional, and means with the weights `w` of the pulses and their squares: a window
+//! reduces the slope of noise more than the curvature of the peak.
 //!
 //! Acceleration `a` along the line of sight has the same effect on the path curvature as a cross-range velocity of `a R / (2 V)`, range and speed of the radar. It is
 //! neglected.
@@ -22,15 +23,20 @@ use subaperture_focus::moving::{VelocityPlane, velocity_resolution_m_s};
 use subaperture_focus::{FormError, ImageFormer, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::{Channels, InMemory, PhaseHistory, ReadError, Weights};
+use subaperture_model::image::Image;
+use subaperture_model::phase_history::{
+    Channels, Collection, InMemory, PhaseHistory, ReadError, Weights,
+};
 use subaperture_model::resolution::support::path_gradient;
 
+use crate::adaptive::{Loading, Whitener};
 use crate::alignment::Alignment;
 use crate::balance::Balanced;
+use crate::detection::{self, Settings, StatisticMap, train};
 use crate::error::GmtiError;
-use crate::gate::Gate;
+use crate::gate::{Gate, with_pulses};
 use crate::images::{ChannelImages, Imaging};
+use crate::moments::moments;
 
 /// Largest cross-range velocity that is searched, metres per second.
 pub const MAX_CROSS_RANGE_M_S: f64 = 20.0;
@@ -48,6 +54,9 @@ const MODEL_CELLS: f64 = 0.003;
 /// Velocities along the line of sight on either side of 0, and for places that are off by more.
 const SIGHT: usize = 4;
 const WIDE_SIGHT: usize = 12;
+
+/// Largest number of pulses that determine the resolution in velocity.
+const MOST_PULSES: usize = 512;
 
 /// Error bound of the values over velocities, dB: clutter is removed to this level.
 const ERROR_DB: f64 = -60.0;
@@ -70,14 +79,16 @@ pub(crate) struct Appearance {
     pub(crate) place_m: DVec3,
     /// Extent along the track, metres.
     pub(crate) extent_m: f64,
-    /// Ratio of signal to clutter and noise after cancellation, dB.
-    pub(crate) snr_db: f64,
+    /// Pixel of that position.
+    pub(crate) pixel: usize,
 }
 
 /// Velocities over which a target is focused.
 struct Search {
     place_m: DVec3,
-    snr_db: f64,
+    /// Covariance of the channel differences of clutter and noise, a sum over `snapshots`.
+    whitener: Whitener,
+    snapshots: usize,
     /// Gradient of the path at the place in the middle of the aperture.
     gradient: DVec3,
     velocities: ImageGrid,
@@ -101,6 +112,8 @@ pub(crate) struct Focus<'a> {
     pub(crate) imaging: &'a Imaging<'a>,
     pub(crate) alignment: &'a Alignment,
     pub(crate) images: &'a ChannelImages,
+    pub(crate) settings: &'a Settings,
+    pub(crate) map: &'a StatisticMap,
 }
 
 impl Focus<'_> {
@@ -128,7 +141,9 @@ impl Focus<'_> {
         places: &[Appearance],
         sight: usize,
     ) -> Result<Vec<Option<Focused>>, GmtiError> {
-        let searches = places.par_iter().map(|place| self.search(place, sight));
+        let few = self.few_pulses();
+        let searches = places.par_iter();
+        let searches = searches.map(|place| self.search(&few, place, sight));
         let searches: Vec<Option<Search>> = searches.collect();
         let collection = self.channels.channel(0).collection();
         let doppler_hz = searches.iter().flatten().map(|search| search.doppler_hz);
@@ -151,12 +166,21 @@ impl Focus<'_> {
             let own = self.images.weights.iter().enumerate();
             let gated = own.map(|(c, own)| gate.read(&self.balanced(c), own, &places_m));
             let gated: Vec<Vec<InMemory>> = gated.collect::<Result<_, ReadError>>()?;
-            let mut place = 0;
-            for search in searches {
+            let mut places = 0..places_m.len();
+            let of_place: Vec<(&Option<Search>, Option<usize>)> = searches
+                .iter()
+                .map(|search| (search, search.as_ref().and_then(|_| places.next())))
+                .collect();
+            let cross_range = |&(search, place): &(&Option<Search>, Option<usize>)| {
+                let place = place.unwrap_or_default();
                 let histories = gated.iter().filter_map(|channel| channel.get(place));
                 let histories = histories.map(|own| own as &dyn PhaseHistory);
-                found.push(self.cross_range(histories, &weights, search.as_ref())?);
-                place += usize::from(search.is_some());
+                self.cross_range(histories, &weights, search.as_ref())
+            };
+            let own = of_place.par_iter().map(cross_range);
+            let own: Vec<Result<Option<Focused>, GmtiError>> = own.collect();
+            for own in own {
+                found.push(own?);
             }
         }
         Ok(found)
@@ -169,13 +193,22 @@ impl Focus<'_> {
         )
     }
 
+    /// Geometry of at most [`MOST_PULSES`] pulses of channel 0 at equal distances: enough for resolutions.
+    fn few_pulses(&self) -> Collection {
+        let collection = self.channels.channel(0).collection();
+        let step = collection.pulses.len().div_ceil(MOST_PULSES).max(1);
+        let pulses = collection.pulses.iter().step_by(step).copied();
+        with_pulses(collection, pulses.collect(), collection.num_samples)
+    }
+
     /// Searched velocities of a target. `None` if the geometry does not resolve them.
     fn search(
         &self,
+        few_pulses: &Collection,
         &Appearance {
             place_m,
             extent_m,
-            snr_db,
+            pixel,
         }: &Appearance,
         sight: usize,
     ) -> Option<Search> {
@@ -187,11 +220,20 @@ impl Focus<'_> {
             path_gradient(pulse.transmitter_m, pulse.receiver_m, place_m)
         };
         let [x_axis, y_axis] = axes(gradient, self.images.view.along())?;
-        let cell = |direction| velocity_resolution_m_s(collection, place_m, epoch_s, direction);
+        let cell = |direction| velocity_resolution_m_s(few_pulses, place_m, epoch_s, direction);
         let (cross_cell, sight_cell) = (cell(x_axis), cell(y_axis));
         if !(cross_cell.is_finite() && sight_cell.is_finite()) {
             return None;
         }
+        let size = self.channels.len() - 1;
+        let covariance = train(
+            self.images,
+            self.map,
+            self.settings,
+            pixel,
+            (size, detection::differences),
+        );
+        let whitener = covariance.factor(Loading::Off).ok()?;
         let axis = |step: f64, half: usize| Axis {
             start: -(half as f64) * step,
             step,
@@ -217,7 +259,8 @@ impl Focus<'_> {
         let radial_m_s = searched * turned + sight as f64 * velocities.rows.step;
         Some(Search {
             place_m,
-            snr_db,
+            whitener,
+            snapshots: covariance.snapshots(),
             gradient,
             cross_cell,
             doppler_hz: 2.0 * radial_m_s * self.images.centre_hz / SPEED_OF_LIGHT_M_S,
@@ -256,21 +299,14 @@ impl Focus<'_> {
                 Err(error) => return Err(error.into()),
             }
         }
-        let differences = self.differences(&planes, search);
-        let powers: Vec<f64> = differences
-            .iter()
-            .map(|own| own.iter().map(|&d| power(d)).sum())
-            .collect();
-        let found = maximum(&powers, velocities, search.snr_db);
+        let powers = self.powers(&planes, search);
+        let found = maximum(&powers, velocities);
         Ok(found.map(|(found, pixel)| {
-            let noise = noise_share(&differences[pixel]);
             let row = pixel / velocities.columns.count;
+            let deviation_m_s = found.deviation_m_s * self.noise_ratio().sqrt();
             Focused {
                 cross_range: CrossRange {
-                    deviation_m_s: libm::hypot(
-                        found.deviation_m_s * noise.sqrt(),
-                        MODEL_CELLS * search.cross_cell,
-                    ),
+                    deviation_m_s: libm::hypot(deviation_m_s, MODEL_CELLS * search.cross_cell),
                     ..found
                 },
                 is_at_edge: row == 0 || row + 1 == velocities.rows.count,
@@ -278,8 +314,19 @@ impl Focus<'_> {
         }))
     }
 
-    /// Differences of the channels from the first one at each velocity.
-    fn differences(&self, planes: &[Image], search: &Search) -> Vec<Vec<Complex32>> {
+    /// Ratio of the variance of the curvature of the path in noise to that of noise of the spectrum of a point target: the weights act on both.
+    fn noise_ratio(&self) -> f64 {
+        let along_m = self.alignment.along_m(0);
+        let [start_m, end_m] = self.alignment.section_m();
+        let middle_m = 0.5 * (start_m + end_m);
+        let [own, squared] = moments(&self.images.weights[0].slow, |n| {
+            (along_m[n] - middle_m).powi(2)
+        });
+        squared / own
+    }
+
+    /// Power of the whitened differences of the channels from the first one at each velocity, in units of the noise.
+    fn powers(&self, planes: &[Image], search: &Search) -> Vec<f64> {
         let velocities = &search.velocities;
         let columns = velocities.columns.count;
         let at = |i: usize| {
@@ -300,17 +347,13 @@ impl Focus<'_> {
                 let factor = Complex32::new(factor.re as f32, factor.im as f32);
                 plane.pixels[i] * factor - first
             });
-            differences.collect()
+            let differences: Vec<Complex32> = differences.collect();
+            let mut white = vec![Complex64::ZERO; differences.len()];
+            search.whitener.whiten(&differences, &mut white);
+            white.iter().map(Complex64::norm_sqr).sum::<f64>() * search.snapshots as f64
         };
         (0..planes[0].pixels.len()).map(at).collect()
     }
-}
-
-/// Share `rho` of the noise of channel differences in the variance of a parameter.
-fn noise_share(differences: &[Complex32]) -> f64 {
-    let sum: f64 = differences.iter().map(|&d| power(d)).sum();
-    let together = power(differences.iter().sum::<Complex32>());
-    (sum + together) / (2.0 * differences.len() as f64 * sum)
 }
 
 /// Horizontal directions across the line of sight, positive along the track, and along it, positive away from the radar. `None` for a vertical line of sight.
@@ -328,7 +371,7 @@ pub(crate) fn axes(sight: DVec3, along: DVec3) -> Option<[DVec3; 2]> {
 }
 
 /// Maximum over velocities by a parabola through the logarithms of the powers over cross-range velocity, and its pixel.
-fn maximum(powers: &[f64], velocities: &ImageGrid, snr_db: f64) -> Option<(CrossRange, usize)> {
+fn maximum(powers: &[f64], velocities: &ImageGrid) -> Option<(CrossRange, usize)> {
     let columns = velocities.columns.count;
     let over_rows = |column: usize| {
         let pixels = (column..powers.len()).step_by(columns);
@@ -350,13 +393,10 @@ fn maximum(powers: &[f64], velocities: &ImageGrid, snr_db: f64) -> Option<(Cross
     let [left, middle, right] = [before, at, after].map(libm::log);
     let offset = 0.5 * (right - left) / (2.0 * middle - left - right);
     let stationary = best[columns / 2];
-    // Power in units of the noise: the unfocused peak has the SNR of the target.
-    let gain = at / stationary;
-    let snr = 10f64.powf(snr_db / 10.0) * gain;
     let found = CrossRange {
         velocity_m_s: velocities.columns.at(peak) + offset * step,
-        deviation_m_s: step / (snr * curvature / at).sqrt(),
-        gain_db: 10.0 * gain.log10(),
+        deviation_m_s: step / curvature.sqrt(),
+        gain_db: 10.0 * (at / stationary).log10(),
     };
     Some((found, pixels[peak]))
 }

@@ -24,6 +24,7 @@ use subaperture_model::image::Image;
 use subaperture_signal::dense::Factor;
 
 use crate::adaptive::widen;
+use crate::turns::Turns;
 
 /// Edge of a block in pixels, or a multiple of it where an image has more than [`MOST_BLOCKS`].
 const BLOCK: usize = 16;
@@ -314,7 +315,7 @@ pub fn remove(image: &mut Image, grid: &ImageGrid, view: &View, model: &PhaseMod
             let linear_rad = start_rad + step_rad * (middle - start) as f64;
             let is_linear = (phase(middle) - linear_rad).abs() <= MAX_ERROR_RAD;
             if is_linear && grid.relief.is_none() {
-                turn(part, factor(start_rad), -step_rad);
+                Turns::new(Complex64::cis(-step_rad)).multiply(part, factor(start_rad));
             } else {
                 for (z, column) in part.iter_mut().zip(start..) {
                     *z *= narrow(factor(phase(column)));
@@ -323,22 +324,6 @@ pub fn remove(image: &mut Image, grid: &ImageGrid, view: &View, model: &PhaseMod
             start_rad = end_rad;
         }
     });
-}
-
-/// Pixels that are rotated together.
-const TOGETHER: usize = 4;
-
-/// Multiply pixel `k` by `factor exp(+j k step)`. The factors of a segment are a recurrence in float64, of an error of some 1e-15.
-fn turn(pixels: &mut [Complex32], factor: Complex64, step_rad: f64) {
-    let mut factors: [Complex64; TOGETHER] =
-        std::array::from_fn(|k| factor * Complex64::cis(step_rad * k as f64));
-    let stride = Complex64::cis(step_rad * TOGETHER as f64);
-    for group in pixels.chunks_mut(TOGETHER) {
-        for (z, factor) in group.iter_mut().zip(&mut factors) {
-            *z *= narrow(*factor);
-            *factor *= stride;
-        }
-    }
 }
 
 fn narrow(value: Complex64) -> Complex32 {

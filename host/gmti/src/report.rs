@@ -94,12 +94,17 @@ pub fn find(
         imaging,
         alignment: &alignment,
         images: &images,
+        settings,
+        map: &map,
     };
     let strongest = targets.iter().take(settings.focused_targets);
-    let places = strongest.map(|target| Appearance {
-        place_m: target.image_position_m.into(),
-        extent_m: target.extent_m,
-        snr_db: target.snr_db,
+    let places = strongest.map(|target| {
+        let [row, column] = target.image_pixel.map(|place| place.round() as usize);
+        Appearance {
+            place_m: target.image_position_m.into(),
+            extent_m: target.extent_m,
+            pixel: row * map.columns + column,
+        }
     });
     let cross_ranges = focus.cross_ranges(&places.collect::<Vec<_>>())?;
     for (target, cross_range) in targets.iter_mut().zip(cross_ranges) {

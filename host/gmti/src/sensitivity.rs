@@ -13,10 +13,10 @@ use num_complex::{Complex32, Complex64};
 
 use crate::adaptive::{Covariance, Loading, Performance, Statistic, TargetModel, Whitener};
 use crate::alignment::Alignment;
+use crate::correlation::Spacing;
 use crate::detection::{Settings, StatisticMap, differences, steering, unambiguous_m_s};
 use crate::error::GmtiError;
 use crate::images::ChannelImages;
-use crate::interleaved::Spacing;
 use crate::registration::median;
 
 /// Velocities of the curve, from 0 to the largest without ambiguity.

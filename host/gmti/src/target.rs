@@ -1,13 +1,7 @@
 //! Detected targets: radial velocity and position with covariance.
 //!
-//! Detected pixels form groups, one for each target ([`crate::groups`]). The radial velocity of a target maximises
-//!
-//! ```text
-//! J(v) = K / g sum_p |s(v)^H S^-1 x_p|^2 / (s(v)^H S^-1 s(v))
-//! ```
-//!
-//! over its pixels, the log likelihood of a target of unknown complex amplitude in each pixel; `S` is the sum over `K` training cells, and `g` the
-//! pixels of an independent cell. The standard deviation is `(-J''(v))^(-1/2)`, the Cramer-Rao bound at the estimate.
+//! Detected pixels form groups, one for each target ([`crate::groups`]). The radial velocity has the largest likelihood ([`crate::radial`]). The place in the image is the mean over pixels, weighted by the excess of
+//! their powers over a tenth of the largest. Its error along the path is that of the maximum of a response in noise, at the signal to noise ratio of all these pixels, with the spectrum of the window.
 //!
 //! The image shows a target of path rate `rho = -2 v` where a stationary scatterer has its path and its total path rate. Its position at
 //! the middle of the aperture has the same path, and the path rate of the radar alone:
@@ -21,8 +15,10 @@
 //!
 //! Neglected: height above the grid's plane, acceleration, and the motion along the track, which defocus or move the image place less.
 
+use std::f64::consts::TAU;
+
 use glam::DVec3;
-use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
@@ -30,15 +26,14 @@ use subaperture_model::phase_history::Collection;
 use subaperture_model::resolution::theory::expected;
 use subaperture_signal::window::Window;
 
-use crate::adaptive::{Loading, Whitener};
 use crate::alignment::Alignment;
-use crate::detection::{
-    Settings, StatisticMap, channels, steering, train, unambiguous_m_s, velocities_m_s,
-};
+use crate::detection::{Settings, StatisticMap, unambiguous_m_s};
 use crate::error::GmtiError;
 use crate::groups::groups;
 use crate::images::ChannelImages;
+use crate::moments::moments;
 use crate::motion::{CrossRange, axes};
+use crate::radial::{Radial, radial, region};
 use crate::space_time::{Motion, Mover};
 
 /// Level below the strongest pixel of a target, dB, from which its pixels are used.
@@ -56,14 +51,11 @@ const LINE_CELLS: f64 = 3.0;
 /// Smallest cosine of the grazing angle with which a radial velocity gives a horizontal one.
 const MIN_LEVEL: f64 = 0.05;
 
-/// Steps of the velocity search, per interval between tested velocities.
-const FINE: usize = 8;
-
-/// Standard deviation of a range, in resolution cells at an SNR of 1: `sqrt(12) / (2 pi sqrt(2))`, of a flat spectrum.
-const RANGE_DEVIATION: f64 = 0.39;
+/// Standard deviation of the mean over pixels without noise, range cells, with two pixels or more in a cell: measured on 500 targets (`tests/scene`).
+const PLACE_CELLS: f64 = 0.004;
 
 /// Standard deviation of the place of a target in the image along the track, as a fraction of its extent: measured on 240 targets (`tests/scene`).
-const EXTENT_DEVIATION: f64 = 0.06;
+const EXTENT_DEVIATION: f64 = 0.045;
 
 /// Detected moving target at the middle of the aperture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -139,7 +131,8 @@ impl Estimator<'_> {
         let path_cell_m = 2.0 * self.range_cell_m();
         let rate_cell = SPEED_OF_LIGHT_M_S / self.images.centre_hz / self.alignment.duration_s()
             * self.alignment.interval_s();
-        let (mut targets, mut lines): (Vec<Target>, Vec<Lines>) = Default::default();
+        let mut lines: Vec<Lines> = Vec::new();
+        let mut kept = Vec::new();
         let mut side_lobes = 0;
         let ratios = self.windows.map(side_lobe_ratio);
         for (peak, pixels) in groups(map) {
@@ -155,8 +148,13 @@ impl Estimator<'_> {
                 [path_cell_m, rate_cell],
                 snr,
             ));
-            targets.push(self.target(map, &track, (peak, &pixels))?);
+            kept.push((peak, pixels));
         }
+        let targets = kept.par_iter();
+        let targets = targets.map(|(peak, pixels)| self.target(map, &track, (*peak, pixels)));
+        let targets: Vec<Result<Target, GmtiError>> = targets.collect();
+        // The first error in the order of the targets.
+        let targets = targets.into_iter().collect::<Result<_, GmtiError>>()?;
         Ok((targets, side_lobes))
     }
 
@@ -173,12 +171,29 @@ impl Estimator<'_> {
             .copied()
             .filter(|&pixel| snr(pixel) >= weakest)
             .collect();
-        let total: f64 = used.iter().map(|&pixel| snr(pixel)).sum();
+        let region = region(map, &used, pixels);
+        let Radial {
+            velocity_m_s: velocity,
+            deviation_m_s: deviation,
+            ambiguity_m_s: ambiguity,
+            powers,
+        } = radial(
+            self.images,
+            self.alignment,
+            self.settings,
+            map,
+            (peak, &used, &region),
+        )?;
+        // Weights that fall to 0 at the edge of the target: a step would draw the mean to the pixels.
+        let strongest = powers.iter().copied().fold(0.0, f64::max);
+        let least = strongest * 10f64.powf(-USED_DB / 10.0);
+        let weights = powers.iter().map(|&power| (power - least).max(0.0));
+        let weights: Vec<f64> = weights.collect();
+        let total: f64 = weights.iter().sum();
         let mean = |of: &dyn Fn(usize) -> usize| {
-            used.iter()
-                .map(|&pixel| snr(pixel) * of(pixel) as f64)
-                .sum::<f64>()
-                / total
+            let pixels = region.iter().zip(&weights);
+            let terms = pixels.map(|(&pixel, weight)| weight * of(pixel) as f64);
+            terms.sum::<f64>() / total
         };
         let [row, column] = [
             mean(&|pixel| pixel / map.columns),
@@ -189,7 +204,6 @@ impl Estimator<'_> {
         let ends = [f64::INFINITY, f64::NEG_INFINITY];
         let [start_m, end_m] = places.fold(ends, |[low, high], s| [low.min(s), high.max(s)]);
         let extent_m = end_m - start_m;
-        let (velocity, deviation, ambiguity) = self.velocity(map, peak, &used)?;
         let image_m = self.place_m(row, column);
         let sight = (image_m - self.images.view.antenna_m()).normalize_or_zero();
         let level = libm::hypot(sight.x, sight.y);
@@ -202,7 +216,10 @@ impl Estimator<'_> {
         let position = place(velocity, path_m);
         // Resolution and SNR determine the error of the path; the errors of the velocity and of the place in the image move the position along the track.
         let cell_m = self.range_cell_m();
-        let path_error_m = 2.0 * RANGE_DEVIATION * cell_m / snr(peak).sqrt();
+        let above = powers.iter().filter(|&&power| power > least);
+        let energy = above.sum::<f64>() / map.cell_pixels;
+        let noise = self.range_deviation() / energy.max(strongest).sqrt();
+        let path_error_m = 2.0 * cell_m * libm::hypot(noise, PLACE_CELLS);
         let covariances = position.and_then(|position| {
             let ends = [
                 place(velocity + deviation, path_m)?,
@@ -324,75 +341,12 @@ impl Estimator<'_> {
         SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz)
     }
 
-    /// Radial velocity, its standard deviation, and the interval of ambiguity, metres per second.
-    fn velocity(
-        &self,
-        map: &StatisticMap,
-        peak: usize,
-        used: &[usize],
-    ) -> Result<(f64, f64, f64), GmtiError> {
-        let (lags_s, centre_hz) = (self.alignment.lags_s(), self.images.centre_hz);
-        let size = lags_s.len();
-        let covariance = train(self.images, map.spacing, self.settings, peak);
-        let whitener = covariance.factor(Loading::Off)?;
-        let mut cell = vec![Complex32::ZERO; size];
-        let cells: Vec<Vec<Complex64>> = used
-            .iter()
-            .map(|&pixel| {
-                channels(self.images, pixel, &mut cell);
-                let mut white = vec![Complex64::ZERO; size];
-                whitener.whiten(&cell, &mut white);
-                white
-            })
-            .collect();
-        let shared = (map.spacing.rows * map.spacing.columns) as f64;
-        let scale = covariance.snapshots() as f64 / shared;
-        let likelihood = |velocity_m_s: f64| {
-            scale
-                * likelihood(
-                    &whitener,
-                    &steering(lags_s, centre_hz, velocity_m_s),
-                    &cells,
-                )
-        };
-        let most = unambiguous_m_s(lags_s, centre_hz);
-        let count = FINE * velocities_m_s(lags_s, centre_hz).len();
-        let step = 2.0 * most / count as f64;
-        let places = (0..count).map(|i| (i as f64 + 0.5) * step - most);
-        let mut best = places
-            .map(|v| (v, likelihood(v)))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
-            .expect("velocities are searched");
-        let mut width = step / 2.0;
-        while width > 1e-7 * most {
-            for v in [best.0 - width, best.0 + width] {
-                let there = likelihood(v);
-                if there > best.1 {
-                    best = (v, there);
-                }
-            }
-            width /= 2.0;
-        }
-        let h = step / 4.0;
-        let curvature = (2.0 * best.1 - likelihood(best.0 + h) - likelihood(best.0 - h)) / (h * h);
-        let deviation = match curvature > 0.0 {
-            true => curvature.sqrt().recip().min(most),
-            false => most,
-        };
-        Ok((best.0, deviation, 2.0 * most))
+    /// Standard deviation of a range, in resolution cells at an SNR of 1.
+    fn range_deviation(&self) -> f64 {
+        let fast = &self.images.weights[0].fast;
+        let [own, squared] = moments(fast, |k| TAU * k as f64 / fast.len() as f64);
+        (squared / 2.0).sqrt() / own
     }
-}
-
-/// `sum |s^H x|^2 / (s^H s)` of whitened vectors.
-fn likelihood(whitener: &Whitener, steering: &[Complex64], cells: &[Vec<Complex64>]) -> f64 {
-    let mut white = vec![Complex64::ZERO; steering.len()];
-    whitener.whiten(steering, &mut white);
-    let norm: f64 = white.iter().map(Complex64::norm_sqr).sum();
-    let matched = |cell: &Vec<Complex64>| {
-        let terms = white.iter().zip(cell).map(|(s, x)| s.conj() * x);
-        terms.sum::<Complex64>().norm_sqr()
-    };
-    cells.iter().map(matched).sum::<f64>() / norm
 }
 
 /// Range and Doppler lines of a target: intervals of its paths and path rates, and its SNR.

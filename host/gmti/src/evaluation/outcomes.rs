@@ -10,10 +10,11 @@ use super::method::Method;
 use crate::adaptive::{Covariance, Loading, Performance, Statistic, TargetModel, widen};
 use crate::alignment::Alignment;
 use crate::ati::Interferogram;
+use crate::correlation::{Correlation, Spacing};
 use crate::detection::{self, of_maximum, of_one_velocity, steering_of_differences};
 use crate::error::GmtiError;
 use crate::images::{ChannelImages, Imaging};
-use crate::interleaved::{Interleaved, Spacing};
+use crate::interleaved::Interleaved;
 use crate::space_time::{self, Calibration, Filtered, Motion, SpaceTime};
 
 /// Adjacent Doppler bins that are compared.
@@ -170,7 +171,7 @@ impl<'a> TestedImages<'a> {
         alignment: &'a Alignment,
         images: &'a ChannelImages,
     ) -> Result<Self, GmtiError> {
-        let spacing = Spacing::measure(&images.images[0]);
+        let spacing = Correlation::measure(&images.images[0]).spacing();
         let steering = steering_of_differences(alignment.lags_s(), images.centre_hz);
         Ok(Self {
             setup,

@@ -16,7 +16,7 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError};
 use subaperture_signal::phase::narrow;
 
 use super::geometry::Motion;
-use crate::balance::rotate;
+use crate::turns::rotate;
 
 /// Echo of a target in one channel.
 #[derive(Clone, Copy, Debug)]

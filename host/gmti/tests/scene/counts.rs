@@ -1,5 +1,10 @@
 //! Detections compared with the movers of scenes.
 
+use std::ops::RangeInclusive;
+
+/// Probability that an error is within 1.96 stated standard deviations: 0.95 for a normal error of that deviation.
+const COVERAGE: [f64; 2] = [0.90, 0.98];
+
 /// Number of detections and false targets, and errors of `N` kinds in units of the stated standard deviations.
 pub(crate) struct Counts<const N: usize> {
     names: [&'static str; N],
@@ -50,19 +55,23 @@ impl<const N: usize> Counts<N> {
         }
     }
 
-    /// Print the counts, and assert that at least this part of the errors of each kind is within 1.96 standard deviations.
-    pub(crate) fn assert_covered(&self, least: f64) {
+    /// Print the counts, and assert that the number of errors of each kind within 1.96 standard deviations agrees with a probability within [`COVERAGE`].
+    pub(crate) fn assert_covered(&self) {
         println!(
             "detected {} of {}, {} false",
             self.detected, self.total, self.false_targets
         );
         for (name, errors) in self.names.iter().zip(&self.errors) {
-            let count = errors.len() as f64;
-            let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
-            let inside = errors.iter().filter(|e| e.abs() < 1.96).count() as f64 / count;
-            let percent = 100.0 * inside;
+            let count = errors.len();
+            let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt();
+            let inside = errors.iter().filter(|e| e.abs() < 1.96).count();
+            let percent = 100.0 * inside as f64 / count as f64;
             println!("{name}: RMS {rms:.2} sigma, {percent:.1} % within 1.96 sigma, {errors:.2?}");
-            assert!(inside > least, "{name}: {inside}");
+            let limits = limits(count, COVERAGE);
+            assert!(
+                limits.contains(&inside),
+                "{name}: {inside}, expected {limits:?}"
+            );
         }
     }
 
@@ -78,4 +87,33 @@ impl<const N: usize> Counts<N> {
             self.false_targets
         );
     }
+}
+
+/// Probability of a wrong verdict at either limit.
+const WRONG: f64 = 0.01;
+
+/// Numbers of successes of `count` trials that agree with a probability in an interval: fewer have a probability below [`WRONG`] with the lower end, and more with the upper end.
+fn limits(count: usize, [low, high]: [f64; 2]) -> RangeInclusive<usize> {
+    let below = |limit: usize, probability: f64| {
+        let ratio = probability / (1.0 - probability);
+        let mut log = count as f64 * (1.0 - probability).ln();
+        let mut sum = 0.0;
+        for k in 0..limit {
+            sum += log.exp();
+            log += (ratio * (count - k) as f64 / (k + 1) as f64).ln();
+        }
+        sum
+    };
+    let least = (0..count)
+        .take_while(|&k| below(k + 1, low) < WRONG)
+        .count();
+    let most = (least..count).find(|&k| below(k + 1, high) > 1.0 - WRONG);
+    least..=most.unwrap_or(count)
+}
+
+/// By tables of the binomial distribution: with 20 trials of 0.9, 14 successes or fewer have a probability of 0.0113, and 13 of 0.0024; with 100 trials of 0.5, 63 or more have one of 0.0060, and 62 of 0.0105.
+#[test]
+fn limits_are_those_of_the_binomial_distribution() {
+    assert_eq!(limits(20, [0.9, 0.95]), 14..=20);
+    assert_eq!(limits(100, [0.5, 0.5]), 38..=62);
 }

@@ -138,10 +138,13 @@ pub(crate) fn moving_clutter(
 /// Strip without movers, with 30 points per resolution cell: with fewer, the power of cancelled clutter has a heavy tail.
 pub(crate) fn strip() -> &'static Channels<'static> {
     static STRIP: OnceLock<Channels<'static>> = OnceLock::new();
-    STRIP.get_or_init(|| {
-        let scenario = moving_clutter(11, &[], [60.0, 15.0], 40.0);
-        recorded(&scenario.experiment().unwrap())
-    })
+    STRIP.get_or_init(|| strip_of_seed(11))
+}
+
+/// Strip of other clutter.
+pub(crate) fn strip_of_seed(seed: u64) -> Channels<'static> {
+    let scenario = moving_clutter(seed, &[], [60.0, 15.0], 40.0);
+    recorded(&scenario.experiment().unwrap())
 }
 
 /// Recording with the echoes of movers.
