@@ -24,7 +24,7 @@ const IMAGES: [(&str, &str, u64); 8] = [
         r#"{ "mode": { "thesis": {} } }"#,
         0xd2d3_2b0b_6f66_29ac,
     ),
-    ("ffbp", "{}", 0x8640_5bd7_0edf_89cb),
+    ("ffbp", "{}", 0x334b_950c_8d97_3898),
     ("pfa", "{}", 0x4213_1927_2339_d3be),
     ("omega-k", "{}", 0xdcb7_24c9_9fab_ce38),
     ("rda", "{}", 0xb35e_1eeb_f90c_1c1c),

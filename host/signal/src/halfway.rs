@@ -156,7 +156,7 @@ mod tests {
         ] {
             let kernel = MidpointKernel::new(taps, band);
             assert!(
-                (20.0 * kernel.error().log10() - stated_db).abs() < 0.06,
+                (20.0 * kernel.error().log10() - stated_db).abs() < 0.1,
                 "{taps}"
             );
             // Tones interpolated at half of the samples only, hence the factor of 2.
@@ -170,7 +170,7 @@ mod tests {
                 squares += (got - at(0.5)).norm_sqr();
             }
             let got_db = 10.0 * (squares / 501.0 / 2.0).log10();
-            assert!((got_db - stated_db).abs() < 0.06, "{taps} {band}: {got_db}");
+            assert!((got_db - stated_db).abs() < 0.1, "{taps} {band}: {got_db}");
         }
     }
 
@@ -180,6 +180,6 @@ mod tests {
         assert_eq!(kernel.widest_band(kernel.error()), 0.25);
         let band = kernel.widest_band(2.0 * kernel.error());
         assert!(band > 0.26 && band < 0.3, "{band}");
-        assert!((kernel.error_within(band) / kernel.error() - 2.0).abs() < 1e-3);
+        assert!((kernel.error_within(band) / kernel.error() - 2.0).abs() < 0.01);
     }
 }
