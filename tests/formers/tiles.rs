@@ -284,3 +284,34 @@ fn plans_of_other_recordings_and_edited_plans_are_refused() {
     let error = message("\"hamming\"", "\"hammer\"");
     assert!(error.contains("hammer"), "{error}");
 }
+
+/// A plan whose kernel is missing, unknown, or does not keep the bound is refused: histories would not be decimated, or beyond the bound.
+#[test]
+fn factorised_plans_with_another_kernel_are_refused() {
+    let history = history();
+    let plan = plan("ffbp", &serde_json::json!({}), &history, SCRATCH_BYTES);
+    let weights = plan.weights(history.collection()).unwrap();
+    let text = plan.to_text();
+    let with = |kernel: Option<serde_json::Value>| {
+        let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let choices = json["choices"].as_object_mut().unwrap();
+        let own = choices.remove("kernel").unwrap();
+        assert!(own["taps"].is_u64(), "{own}");
+        if let Some(kernel) = kernel {
+            choices.insert("kernel".to_owned(), kernel);
+        }
+        let plan = Plan::from_text(&json.to_string())?;
+        plan.open(history.collection(), &weights).map(drop)
+    };
+    for kernel in [
+        None,
+        Some(serde_json::json!(null)),
+        Some(serde_json::json!({ "taps": 7, "band": 0.2 })),
+        Some(serde_json::json!({ "taps": 6, "band": 0.42 })),
+        Some(serde_json::json!({ "taps": 12, "band": 1e300 })),
+    ] {
+        let error: PlanError = with(kernel.clone()).expect_err("refused");
+        let message = error.to_string();
+        assert!(message.contains("kernel"), "{kernel:?}: {message}");
+    }
+}

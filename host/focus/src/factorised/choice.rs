@@ -51,14 +51,19 @@ impl Choices {
     /// Whether a plan for `spec` can contain these parameters.
     pub(super) fn are_of(&self, spec: &ImageSpec) -> bool {
         let sides = [spec.grid.rows.count, spec.grid.columns.count].map(leaf_sides);
-        let mut counts = self.stretches.iter();
-        let total = counts.try_fold(0usize, |sum, count| sum.checked_add(*count));
+        let mut lengths = self.stretches.iter();
+        let total = lengths.try_fold(0usize, |sum, count| sum.checked_add(*count));
+        let kernels = KernelChoice::within(self.error_db, counts(spec.collection));
+        let kernel_fits = match self.kernel {
+            None => kernels.is_empty(),
+            Some(kernel) => kernels.contains(&kernel),
+        };
         [0, 1].map(|i| sides[i].contains(&self.tree.leaf[i])) == [true; 2]
             && self.tree.levels <= MAX_LEVELS
             && self.map_level.is_none_or(|level| level <= self.tree.levels)
             && !self.stretches.contains(&0)
             && total == Some(spec.collection.pulses.len())
-            && self.kernel.is_none_or(|kernel| kernel.is_valid())
+            && kernel_fits
             && (-300.0..=0.0).contains(&self.error_db)
     }
 

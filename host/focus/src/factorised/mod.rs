@@ -178,7 +178,7 @@ impl<'a> Opened<'a> {
     fn new(name: &'static str, spec: ImageSpec<'a>, choices: Choices) -> Result<Self, FormError> {
         shared_band(spec.collection)?;
         if !choices.are_of(&spec) {
-            let mismatch = "expected blocks that cover these pulses, leaves of a possible size and a valid error bound";
+            let mismatch = "expected blocks that cover these pulses, leaves of a possible size, and a kernel that keeps the error bound";
             return Err(misfit(name, mismatch));
         }
         let refiner = Refiner::of(spec.collection, choices.error_db, choices.kernel);

@@ -40,11 +40,6 @@ impl KernelChoice {
         kernels.sort_by_key(|kernel| kernel.band < NARROW);
         kernels
     }
-
-    /// Whether the kernel exists.
-    pub(super) fn is_valid(&self) -> bool {
-        TAPS.contains(&self.taps) && BANDS.contains(&self.band)
-    }
 }
 
 /// Relative RMS errors allowed for each cause.
@@ -182,5 +177,50 @@ impl Shares {
             4e-7,
             arithmetic,
         ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn candidate_kernels_have_the_widest_band_that_keeps_the_bound() {
+        let counts = [1040, 1024];
+        for error_db in [-25.0, -50.0, -80.0] {
+            let kernels = KernelChoice::within(error_db, counts);
+            assert!(kernels.len() > 1, "{error_db}");
+            for kernel in kernels {
+                let shares = Shares::of(error_db, counts, Some(kernel));
+                let allowed = shares.slow.min(shares.fast);
+                let keeps = |band: f64| {
+                    libm::hypot(MidpointKernel::new(kernel.taps, band).error(), HALVING) <= allowed
+                };
+                assert!(keeps(kernel.band), "{error_db}: {kernel:?}");
+                let wider = BANDS.into_iter().find(|&band| band > kernel.band);
+                assert!(!wider.is_some_and(keeps), "{error_db}: {kernel:?}");
+            }
+        }
+        assert!(KernelChoice::within(-200.0, counts).is_empty());
+    }
+
+    /// The mean over tones evenly spread up to the edge is the share.
+    #[test]
+    fn error_at_the_edge_of_a_patch_corresponds_to_its_mean() {
+        let counts = [1040, 1024];
+        for kernel in KernelChoice::within(-50.0, counts) {
+            let shares = Shares::of(-50.0, counts, Some(kernel));
+            let own = MidpointKernel::new(kernel.taps, kernel.band);
+            let tones = (1..20_000).map(|i| 0.5 * f64::from(i) / 20_000.0);
+            let edge = tones
+                .filter(|&x| x >= kernel.band)
+                .find(|&x| own.tone_error(x).abs() * 0.5f64.sqrt() >= shares.slow_edge)
+                .unwrap();
+            let mean = own.error_within(edge);
+            assert!(
+                (mean / shares.slow - 1.0).abs() < 0.01,
+                "{kernel:?}: {mean}"
+            );
+        }
     }
 }
