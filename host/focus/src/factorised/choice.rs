@@ -11,7 +11,6 @@
 use std::cell::Cell;
 use std::ops::{Range, RangeInclusive};
 
-use super::Leaves;
 use super::cost::DecimationChain;
 use super::maps::MapKernels;
 use super::refine::{Refiner, counts};
@@ -32,6 +31,15 @@ const SHORTEST: usize = 64;
 
 /// Largest number of levels accepted in a plan.
 const MAX_LEVELS: usize = 32;
+
+/// Formation of the image of the smallest patches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Leaves {
+    /// Backprojection of each pulse.
+    Pulses,
+    /// Range-Doppler maps, and backprojection where these do not keep the bound.
+    Maps,
+}
 
 /// Parameters fixed by a plan; everything else follows from them.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

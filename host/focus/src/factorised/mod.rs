@@ -68,23 +68,14 @@ use crate::{
     Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy, Tile, Work, rounding,
 };
 
-pub(crate) use choice::Choices;
 use choice::Chosen;
+pub(crate) use choice::{Choices, Leaves};
 use cost::Demand;
 use descent::{Descent, MapLeaves, Pool, Wanted};
 use maps::MapKernels;
 use refine::{Recorded, Refiner};
 use thinned::Stretch;
 use tree::Node;
-
-/// Formation of the image of the smallest patches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Leaves {
-    /// Backprojection of each pulse.
-    Pulses,
-    /// Range-Doppler maps, and backprojection where these do not keep the bound.
-    Maps,
-}
 
 /// Choose how to form the image of `spec`. `None` if maps are asked for and do not keep the bound or do not suit the patch in the middle of the
 /// grid.
