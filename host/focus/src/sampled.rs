@@ -31,6 +31,9 @@ const SAMPLED_PIXELS: usize = 4 * LANES;
 /// Smallest bound, dB, that float32 accumulation of sample blocks can verify.
 const NARROW_DB: f64 = -80.0;
 
+/// Fractional part of the golden ratio: its multiples are evenly spread without a lattice.
+const GOLDEN: f64 = 0.618_033_988_75;
+
 /// Largest number of pixels of an image that is compared pixel by pixel.
 const FEW_PIXELS: usize = 2 * SAMPLED_PIXELS;
 
@@ -40,8 +43,7 @@ const PULSES_A_PART: usize = 16;
 /// Indices of the pixels of `grid` compared with the exact sum, ascending.
 pub(super) fn sampled_pixels(grid: &ImageGrid) -> Vec<usize> {
     let total = grid.num_pixels() as usize;
-    // Golden-ratio positions: evenly spread without a lattice.
-    let place = |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
+    let place = |i: usize| (((i as f64 + 0.5) * GOLDEN).fract() * total as f64) as usize;
     let mut pixels: Vec<usize> = match total <= FEW_PIXELS {
         true => (0..total).collect(),
         false => (0..SAMPLED_PIXELS).map(place).collect(),
@@ -323,7 +325,7 @@ impl<'a> Probes<'a> {
         }
         let group = n / LEVELS_SHARED;
         // Another place in each group, so that a period of the pulses is not mistaken for their level.
-        let place = (group as f64 * 0.618_033_988_75).fract() * LEVELS_SHARED as f64;
+        let place = (group as f64 * GOLDEN).fract() * LEVELS_SHARED as f64;
         (group * LEVELS_SHARED + place as usize).min(count - 1)
     }
 

@@ -153,7 +153,7 @@ impl<'a> Fields<'a> {
 
     /// Vector of `count` finite numbers, or one number for all; `since` is the reason for their number.
     #[cfg(feature = "cphd")]
-    pub(super) fn one_or_each(
+    pub(super) fn values_or_one(
         &self,
         field: &str,
         count: usize,

@@ -14,7 +14,7 @@ use std::ops::{Range, RangeInclusive};
 use super::cost::DecimationChain;
 use super::maps::MapKernels;
 use super::refine::{Refiner, counts};
-use super::shares::KernelChoice;
+use super::shares::{KernelChoice, map_kernels};
 use super::thinned::Stretch;
 use super::tree::Tree;
 use crate::ImageSpec;
@@ -28,6 +28,13 @@ const MAP_LEAF_SIDES: [usize; 6] = [16, 18, 20, 22, 25, 28];
 const LARGEST_FIRST: usize = 1024;
 /// Minimum pulses of a block shortened for lack of scratch memory.
 const SHORTEST: usize = 64;
+
+/// Largest number of turns in which one of the leaf sides is varied.
+const MAX_TURNS: usize = 4;
+/// Largest side of a patch with maps, pixels.
+const LARGEST_MAP: usize = 256;
+/// Largest side of a first patch above maps, pixels, if the image is twice as large or larger: fewer first patches read the recorded samples.
+const LARGEST_MAP_FIRST: usize = 2048;
 
 /// Largest number of levels accepted in a plan.
 const MAX_LEVELS: usize = 32;
@@ -111,8 +118,10 @@ impl<'a> Chosen<'a> {
         let refiner = |kernel| Refiner::of(spec.collection, error_db, kernel);
         let maps = match leaves {
             Leaves::Pulses => None,
-            Leaves::Maps => Some(refiner(candidates[0]).shares().map_kernels()?),
+            Leaves::Maps => Some(map_kernels(error_db)?),
         };
+        let breaks = sub_cpi::breaks(spec.collection);
+        let blocks = |longest| sub_cpi::cut(spec.collection.pulses.len(), &breaks, longest);
         let mut best = Best::default();
         for (i, &kernel) in candidates.iter().enumerate() {
             // Where maps do not suit the patch, that is for its paths, not for the kernel.
@@ -124,7 +133,8 @@ impl<'a> Chosen<'a> {
             let (mut longest, mut slower) = (spec.collection.pulses.len(), 0);
             // Shorter blocks first make room for larger patches; beyond that they only add edges.
             while slower < 2 {
-                let search = Search::new(spec, maps.as_ref(), (kernel, &refiner), longest);
+                let lengths = (longest, &blocks(longest)[..]);
+                let search = Search::new(spec, maps.as_ref(), (kernel, &refiner), lengths);
                 let faster = search.equal_sides(&mut best);
                 slower += usize::from(!faster && search.fits.get());
                 if longest <= SHORTEST {
@@ -138,7 +148,8 @@ impl<'a> Chosen<'a> {
         }) = best.found
         {
             let refiner = refiner(kernel);
-            Search::new(spec, maps.as_ref(), (kernel, &refiner), longest).vary_sides(&mut best);
+            let lengths = (longest, &blocks(longest)[..]);
+            Search::new(spec, maps.as_ref(), (kernel, &refiner), lengths).vary_sides(&mut best);
         }
         let found = match (best.found, leaves) {
             (Some(found), _) => found,
@@ -151,7 +162,7 @@ impl<'a> Chosen<'a> {
                 map_level: None,
             },
         };
-        let stretches = blocks(spec, found.longest);
+        let stretches = blocks(found.longest);
         Some(Self {
             choices: Choices {
                 error_db,
@@ -164,12 +175,6 @@ impl<'a> Chosen<'a> {
             kernels: maps,
         })
     }
-}
-
-/// Blocks of at most `longest` pulses that end at gaps in the track.
-fn blocks(spec: &ImageSpec, longest: usize) -> Vec<Range<usize>> {
-    let breaks = sub_cpi::breaks(spec.collection);
-    sub_cpi::cut(spec.collection.pulses.len(), &breaks, longest)
 }
 
 /// Tree of leaves only.
@@ -234,12 +239,10 @@ impl<'a> Search<'a> {
         spec: &'a ImageSpec<'a>,
         maps: Option<&'a MapKernels>,
         (kernel, refiner): (Option<KernelChoice>, &'a Refiner<'a>),
-        longest: usize,
+        (longest, blocks): (usize, &[Range<usize>]),
     ) -> Self {
-        let range = blocks(spec, longest)
-            .into_iter()
-            .max_by_key(|range| range.len());
-        let range = range.unwrap_or(0..0);
+        let range = blocks.iter().max_by_key(|range| range.len());
+        let range = range.cloned().unwrap_or(0..0);
         Self {
             num_blocks: spec.collection.pulses.len() as f64 / range.len().max(1) as f64,
             stretch: Stretch::new(&spec.collection.pulses, range, refiner.taps()),
@@ -344,8 +347,11 @@ impl<'a> Search<'a> {
                 continue;
             }
             self.fits.set(true);
-            let is_faster = descent.histories_ns() < least_ns && descent.time_ns() < least_ns;
-            return is_faster.then(|| (descent.time_ns(), tree, None));
+            if descent.histories_ns() >= least_ns {
+                return None;
+            }
+            let time_ns = descent.time_ns();
+            return (time_ns < least_ns).then_some((time_ns, tree, None));
         }
         None
     }
@@ -417,10 +423,3 @@ impl<'a> Search<'a> {
         best
     }
 }
-
-/// Largest number of turns in which one of the leaf sides is varied.
-const MAX_TURNS: usize = 4;
-/// Largest side of a patch with maps, pixels.
-const LARGEST_MAP: usize = 256;
-/// Largest side of a first patch above maps, pixels, if the image is twice as large or larger: fewer first patches read the recorded samples.
-const LARGEST_MAP_FIRST: usize = 2048;

@@ -177,7 +177,7 @@ impl<'a> Opened<'a> {
         let kernels = match choices.map_level {
             None => None,
             Some(_) => {
-                let kernels = refiner.shares().map_kernels();
+                let kernels = shares::map_kernels(choices.error_db);
                 let mismatch = "expected an error bound that range-Doppler maps keep";
                 Some(kernels.ok_or_else(|| misfit(name, mismatch))?)
             }

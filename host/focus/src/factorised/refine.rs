@@ -121,7 +121,7 @@ impl<'a> Refiner<'a> {
         error_db: f64,
         kernel: Option<KernelChoice>,
     ) -> Self {
-        let shares = Shares::of(error_db.clamp(-300.0, 0.0), counts(collection), kernel);
+        let shares = Shares::of(error_db, counts(collection), kernel);
         Self {
             collection,
             taps: shares.taps(),

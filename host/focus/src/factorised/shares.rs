@@ -103,7 +103,13 @@ fn halvings(counts: [usize; 2], taps: usize) -> [usize; 2] {
 
 /// Relative RMS error planned for, below the bound by the margin.
 fn target(error_db: f64) -> f64 {
-    libm::pow(10.0, (error_db - MARGIN_DB) / 20.0)
+    libm::pow(10.0, (error_db.clamp(-300.0, 0.0) - MARGIN_DB) / 20.0)
+}
+
+/// Kernels of range-Doppler maps for a bound; `None` if every kernel has a larger error.
+pub(super) fn map_kernels(error_db: f64) -> Option<MapKernels> {
+    let target = target(error_db);
+    MapKernels::of(target * MAP_KERNEL.sqrt(), target * MAP_MODEL.sqrt())
 }
 
 /// Error of each of `parts` equal ones that have a share of the error power together.
@@ -140,12 +146,6 @@ impl Shares {
             halvings,
             decimate: chosen.is_some(),
         }
-    }
-
-    /// Kernels of range-Doppler maps; `None` if every kernel has a larger error.
-    pub(super) fn map_kernels(&self) -> Option<MapKernels> {
-        let target = self.profile / PROFILE.sqrt();
-        MapKernels::of(target * MAP_KERNEL.sqrt(), target * MAP_MODEL.sqrt())
     }
 
     /// Kernel taps at the fraction 1/2.

@@ -58,7 +58,7 @@ impl Auxiliary {
                     sampling_hz: reading.first_positive("Fsamp", "hertz")?,
                     range_bins: reading.values("deltaRbin", count, since)?,
                     shifts: fields.values("circshiftFloorPHradius", count, since)?,
-                    shift_errors: fields.one_or_each("PHradius_sampleError", count, since)?,
+                    shift_errors: fields.values_or_one("PHradius_sampleError", count, since)?,
                     prf_hz,
                 })
             },
