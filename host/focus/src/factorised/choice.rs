@@ -124,7 +124,7 @@ impl<'a> Chosen<'a> {
         let blocks = |longest| sub_cpi::cut(spec.collection.pulses.len(), &breaks, longest);
         let mut best = Best::default();
         for (i, &kernel) in candidates.iter().enumerate() {
-            // Where maps do not suit the patch, that is for its paths, not for the kernel.
+            // Whether maps suit a patch depends on its paths, not on the kernel.
             let unsuited = i > 0 && maps.is_some() && best.found.is_none();
             if unsuited || best.is_good_enough() {
                 break;
