@@ -1,11 +1,16 @@
-//! Devices that backproject range profiles, such as a GPU: the interface between the former [`crate::bp`] and `subaperture-gpu`.
+//! Devices that form pixels, such as a GPU: the interface between the formers [`crate::bp`] and [`crate::rdbp`] and `subaperture-gpu`.
 //!
-//! The former makes range profiles, decides which tiles a block of pulses suits, and adds the others on the processor.
+//! `bp` makes range profiles, decides which tiles a block of pulses suits, and adds the others on the processor. The precise mode of `rdbp` makes the range-Doppler maps of
+//! patches, and the device interpolates them at the pixels.
 
 use std::fmt;
 
 use num_complex::Complex32;
+use subaperture_signal::kaiser_bessel::TERMS;
 
+pub use subaperture_kernels::patch_map::{
+    Curve, DOPPLER_TAPS, Reading, Station, TAPS, pixel_stride,
+};
 pub use subaperture_kernels::tile::Expansion;
 
 /// Device that adds pulses to tiles of pixels.
@@ -21,6 +26,50 @@ pub trait Device: fmt::Debug + Sync {
     /// # Errors
     /// [`DeviceError`] if the device has no memory for them.
     fn start<'a>(&'a self, tiles: &[[usize; 2]]) -> Result<Box<dyn TileSums + 'a>, DeviceError>;
+
+    /// Sums over the pixels of a patch with the given numbers of stations and lines, all 0. Several threads have one each.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the device has no memory for them.
+    fn start_patch<'a>(
+        &'a self,
+        stations: usize,
+        lines: usize,
+    ) -> Result<Box<dyn PatchSums + 'a>, DeviceError>;
+}
+
+/// Sums over the pixels of a patch, held by a device.
+pub trait PatchSums {
+    /// Add a map, interpolated at the pixels: the last two steps of [`subaperture_kernels::patch_map`]. The error is at most [`map_rounding`] beyond that of the
+    /// kernels. May return before the sums are complete.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the device has no memory for the map.
+    fn add(&mut self, map: &PatchMap) -> Result<(), DeviceError>;
+
+    /// The sums, `[station][real, imaginary][pixel_stride(lines)]`.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    fn take(self: Box<Self>) -> Result<Vec<f32>, DeviceError>;
+}
+
+/// Interpolation kernel: for each tap of the first half, the polynomials of its even and odd part in the fraction minus a half.
+pub type KernelPolynomials<'a> = &'a [[[f32; TERMS]; 2]];
+
+/// Range-Doppler map of a patch and the positions of its pixels.
+#[derive(Clone, Copy)]
+pub struct PatchMap<'a> {
+    /// Values, `[bin / 16][range bin][real, imaginary][16 bins]`.
+    pub values: &'a [f32],
+    /// Number of range bins, the period of the map.
+    pub range_bins: usize,
+    /// Number of the first Doppler bin.
+    pub first_bin: isize,
+    /// Kernels of [`TAPS`] taps in range and [`DOPPLER_TAPS`] in Doppler.
+    pub kernels: [KernelPolynomials<'a>; 2],
+    /// Positions of the pixels.
+    pub reading: &'a Reading<'a>,
 }
 
 /// Sums over the pixels of tiles, held by a device.
@@ -108,6 +157,17 @@ pub fn rounding(position: f64, oversampling: f64, bend: f64) -> f64 {
     PHASOR + 2.0 * ROUNDING * (slope * position + std::f64::consts::TAU * bend)
 }
 
+/// Bound on the relative RMS error of the interpolation of a map in float32. Linear phases along the lines are exact to 2^-25 cycles; the others, up to `bend` cycles
+/// ([`bend`]), are rounded twice in each of the four steps of their polynomial. Weights of the kernels and sums over them have errors of 1e-6.
+pub fn map_rounding(bend: f64) -> f64 {
+    PHASOR + 1e-6 + 8.0 * ROUNDING * std::f64::consts::TAU * bend
+}
+
+/// Largest phase of a station beyond the linear one, cycles.
+pub fn bend(station: &Station) -> f64 {
+    station.cycles[2..].iter().map(|term| term.abs()).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,5 +178,17 @@ mod tests {
         let small = rounding(100.0, 3.0, 1.0);
         assert!(small > 1.2e-5 && small < 1.6e-5, "{small}");
         assert!(rounding(200.0, 3.0, 1.0) > small && rounding(100.0, 3.0, 8.0) > small);
+    }
+
+    #[test]
+    fn rounding_of_maps_grows_with_bend() {
+        let station = Station {
+            cycles: [1e5, -300.0, 2.0, -0.5, 0.0],
+            ..Station::default()
+        };
+        assert_eq!(bend(&station), 2.5);
+        let small = map_rounding(2.5);
+        assert!(small > 2e-6 && small < 2e-5, "{small}");
+        assert!(map_rounding(25.0) > 5.0 * small);
     }
 }

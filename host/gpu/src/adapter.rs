@@ -1,7 +1,8 @@
-//! GPU adapter opened for the shader: device, queue and pipelines.
+//! GPU adapter opened for the shaders: device, queue and pipelines.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
+use bytemuck::pod_collect_to_vec;
 use subaperture_focus::device::DeviceError;
 
 use crate::error::GpuError;
@@ -20,13 +21,18 @@ pub(crate) struct Adapter {
     pub(crate) name: String,
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
-    /// Pipelines for spline degrees 2 and 3.
+    /// Backprojection with spline degrees 2 and 3.
     pub(crate) pipelines: [wgpu::ComputePipeline; 2],
+    /// Interpolation of maps in range and in Doppler.
+    pub(crate) map_pipelines: [wgpu::ComputePipeline; 2],
     /// Largest buffer of a shader, bytes.
     pub(crate) binding_bytes: u64,
     /// First error that the device has reported.
     fault: Arc<Mutex<Option<String>>>,
 }
+
+/// Functions that both shaders use.
+const PHASOR: &str = include_str!("phasor.wgsl");
 
 /// Backends that wgpu may use: OpenGL lacks storage buffers on some drivers.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL);
@@ -69,29 +75,91 @@ impl Adapter {
             let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
             kept.get_or_insert_with(|| error.to_string());
         }));
-        let module = device.create_shader_module(wgpu::include_wgsl!("backproject.wgsl"));
-        let pipelines = [2.0, 3.0].map(|degree| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some("backproject"),
-                layout: None,
-                module: &module,
-                entry_point: None,
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[("degree", degree)],
-                    ..Default::default()
-                },
-                cache: None,
+        let module = |label: &str, source: &str| {
+            device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source: wgpu::ShaderSource::Wgsl([PHASOR, source].concat().into()),
             })
-        });
+        };
+        let pipeline =
+            |module: &wgpu::ShaderModule, entry_point: &'static str, constants: &[(&str, f64)]| {
+                device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(entry_point),
+                    layout: None,
+                    module,
+                    entry_point: Some(entry_point),
+                    compilation_options: wgpu::PipelineCompilationOptions {
+                        constants,
+                        ..Default::default()
+                    },
+                    cache: None,
+                })
+            };
+        let backproject = module("backproject", include_str!("backproject.wgsl"));
+        let pipelines =
+            [2.0, 3.0].map(|degree| pipeline(&backproject, "backproject", &[("degree", degree)]));
+        let read_map = module("read_map", include_str!("read_map.wgsl"));
+        let map_pipelines = ["in_range", "in_doppler"].map(|step| pipeline(&read_map, step, &[]));
         let info = adapter.get_info();
         Ok(Self {
             name: format!("{} ({})", info.name, info.driver_info).replace(" ()", ""),
             device,
             queue,
             pipelines,
+            map_pipelines,
             binding_bytes: limits.max_storage_buffer_binding_size,
             fault,
         })
+    }
+
+    pub(crate) fn buffer(&self, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Storage buffer with these contents.
+    pub(crate) fn storage(&self, bytes: &[u8]) -> wgpu::Buffer {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let buffer = self.buffer(bytes.len() as u64, usage);
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+
+    /// Contents of a buffer, once all work submitted before is done.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub(crate) fn read<T: bytemuck::Pod>(
+        &self,
+        buffer: &wgpu::Buffer,
+    ) -> Result<Vec<T>, DeviceError> {
+        let size = buffer.size();
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let copy = self.buffer(size, usage);
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, size);
+        let submission = self.queue.submit([encoder.finish()]);
+        let (sender, receiver) = mpsc::channel();
+        copy.map_async(wgpu::MapMode::Read, .., move |mapped| {
+            // The receiver waits for this.
+            let _ = sender.send(mapped);
+        });
+        let waited = self.device.poll(wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: None,
+        });
+        self.check()?;
+        let message =
+            |error: &dyn std::fmt::Display| DeviceError::new(&self.name, error.to_string());
+        waited.map_err(|error| message(&error))?;
+        let mapped = receiver.recv().map_err(|error| message(&error))?;
+        mapped.map_err(|error| message(&error))?;
+        let view = copy.get_mapped_range(..).map_err(|error| message(&error))?;
+        Ok(pod_collect_to_vec::<u8, T>(&view))
     }
 
     /// Report the first error of the device, if any.

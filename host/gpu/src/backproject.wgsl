@@ -1,4 +1,4 @@
-// Backprojection of a block of pulses onto tiles of pixels; the crate's documentation has the equations.
+// Backprojection of a block of pulses onto tiles of pixels; the crate's documentation has the equations. `phasor.wgsl` precedes it.
 
 override degree: u32 = 3u;
 
@@ -6,7 +6,6 @@ const SIDE: u32 = 16u;
 // Vectors of parameters per tile and pulse, and pulses loaded at a time.
 const PATH: u32 = 4u;
 const LOADED: u32 = 64u;
-const TURN: f32 = 2.3283064365386963e-10;
 
 struct Block {
     pulses: u32,
@@ -24,25 +23,6 @@ struct Block {
 @group(0) @binding(4) var<storage, read_write> sums: array<vec2<f32>>;
 
 var<workgroup> loaded: array<vec4<u32>, 256>;
-
-// Cosine and sine of a phase in cycles, within half a cycle.
-fn phasor(cycles: f32) -> vec2<f32> {
-    let s = cycles * cycles;
-    var sine = -12.27126;
-    sine = fma(sine, s, 41.205395);
-    sine = fma(sine, s, -76.5801);
-    sine = fma(sine, s, 81.59618);
-    sine = fma(sine, s, -41.341423);
-    sine = fma(sine, s, 6.2831826);
-    var cosine = 6.52962;
-    cosine = fma(cosine, s, -25.96832);
-    cosine = fma(cosine, s, 60.167835);
-    cosine = fma(cosine, s, -85.450165);
-    cosine = fma(cosine, s, 64.93912);
-    cosine = fma(cosine, s, -19.739204);
-    cosine = fma(cosine, s, 1.0);
-    return vec2<f32>(cosine, sine * cycles);
-}
 
 // Spline of the coefficients of a profile, `position` bins after the value at `first`.
 fn value(first: u32, position: f32) -> vec2<f32> {

@@ -1,7 +1,9 @@
-//! Backprojection on a GPU: a [`Device`] for the former `bp`.
+//! Backprojection and the interpolation of range-Doppler maps on a GPU: a [`Device`] for the formers `bp` and `rdbp`.
 //!
 //! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; the crate `subaperture` re-exports it as the module `gpu`
 //! if its feature `gpu` is enabled.
+//!
+//! # Backprojection
 //!
 //! ```text
 //! sum[p] += sum_n exp(+j 2 pi kappa_n t_n(p)) value_n(t_n(p)),   t_n(p) = a + b i + c j + e_n(i, j)
@@ -20,10 +22,19 @@
 //! and tile.
 //!
 //! **Cost** per pixel and pulse: about 70 operations and `degree + 1` complex reads from a profile that neighbouring pixels share.
+//!
+//! # Interpolation of maps
+//!
+//! The precise mode of `rdbp` makes the range-Doppler maps of a patch on the processor; the GPU interpolates them in range along the curve of every line of pixels,
+//! then in Doppler at every pixel, and multiplies by the carrier ([`subaperture_focus::device::PatchSums`]). Positions, kernels and error bound are
+//! those of the processor, and carrier phases are fixed-point as above; a patch whose phases would exceed its share of the error
+//! ([`subaperture_focus::device::map_rounding`]) is left to the processor. **Memory** of the device: the map of a sub-aperture and the pixels of a patch, for each thread. **Cost**
+//! 6 complex reads per Doppler bin and line, 12 per pixel and map. The processor's part, histories and transforms, is the larger one.
 #![forbid(unsafe_code)]
 
 mod adapter;
 mod error;
+mod maps;
 mod paths;
 mod sums;
 
@@ -31,7 +42,9 @@ use std::fmt;
 use std::time::Instant;
 
 use num_complex::Complex32;
-use subaperture_focus::device::{Device, DeviceError, Expansion, ProfileBlock, TileSums};
+use subaperture_focus::device::{
+    Device, DeviceError, Expansion, PatchSums, ProfileBlock, TileSums,
+};
 
 use adapter::Adapter;
 pub use adapter::Kind;
@@ -125,5 +138,17 @@ impl Device for Gpu {
 
     fn start<'a>(&'a self, tiles: &[[usize; 2]]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
         Ok(Box::new(sums::Sums::new(&self.adapter, tiles)?))
+    }
+
+    fn start_patch<'a>(
+        &'a self,
+        stations: usize,
+        lines: usize,
+    ) -> Result<Box<dyn PatchSums + 'a>, DeviceError> {
+        Ok(Box::new(maps::MapSums::new(
+            &self.adapter,
+            stations,
+            lines,
+        )?))
     }
 }

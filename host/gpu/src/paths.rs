@@ -1,4 +1,4 @@
-//! Parameters of the shader for a pulse and a tile.
+//! Parameters of the shader of backprojection for a pulse and a tile.
 
 use subaperture_focus::device::Expansion;
 
@@ -6,7 +6,7 @@ use subaperture_focus::device::Expansion;
 pub(crate) const VALUES: usize = 16;
 
 /// Cycles as a fraction of 2^32, modulo a cycle.
-fn fixed(cycles: f64) -> u32 {
+pub(crate) fn fixed(cycles: f64) -> u32 {
     // The fraction may round up to a whole cycle, which is 0.
     ((cycles - cycles.floor()) * 4_294_967_296.0).round() as u64 as u32
 }

@@ -1,8 +1,6 @@
 //! Sums over the pixels of tiles, held by the device.
 
-use std::sync::mpsc;
-
-use bytemuck::{cast_slice, pod_collect_to_vec};
+use bytemuck::cast_slice;
 use num_complex::Complex32;
 use rayon::prelude::*;
 use subaperture_focus::device::{DeviceError, Expansion, ProfileBlock, TileSums};
@@ -107,12 +105,8 @@ impl<'a> Sums<'a> {
             [self.offsets[tile], columns as u32, rows as u32, 0]
         };
         let headers: Vec<[u32; 4]> = tiles.iter().map(header).collect();
-        let [paths, headers] = [cast_slice(&values), cast_slice(&headers)].map(|bytes: &[u8]| {
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            let buffer = gpu.buffer(bytes.len() as u64, usage);
-            gpu.queue.write_buffer(&buffer, 0, bytes);
-            buffer
-        });
+        let [paths, headers] =
+            [cast_slice(&values), cast_slice(&headers)].map(|bytes: &[u8]| gpu.storage(bytes));
         let profiles = self.profiles.as_ref().expect("a block is loaded first");
         let pipeline = &gpu.pipelines[self.degree - 2];
         let bound = [
@@ -156,17 +150,6 @@ impl<'a> Sums<'a> {
             // An error of the device is reported by its handler.
             let _ = gpu.device.poll(waiting);
         }
-    }
-}
-
-impl Adapter {
-    fn buffer(&self, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size,
-            usage,
-            mapped_at_creation: false,
-        })
     }
 }
 
@@ -235,26 +218,7 @@ impl TileSums for Sums<'_> {
         let gpu = self.gpu;
         let mut all = Vec::with_capacity(self.sizes.iter().map(pixels).sum());
         for part in &self.parts {
-            let size = part.sums.size();
-            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-            let copy = gpu.buffer(size, usage);
-            let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            encoder.copy_buffer_to_buffer(&part.sums, 0, &copy, 0, size);
-            gpu.queue.submit([encoder.finish()]);
-            let (sender, receiver) = mpsc::channel();
-            copy.map_async(wgpu::MapMode::Read, .., move |mapped| {
-                // The receiver waits for this.
-                let _ = sender.send(mapped);
-            });
-            let waited = gpu.device.poll(wgpu::PollType::wait_indefinitely());
-            gpu.check()?;
-            let message =
-                |error: &dyn std::fmt::Display| DeviceError::new(&gpu.name, error.to_string());
-            waited.map_err(|error| message(&error))?;
-            let mapped = receiver.recv().map_err(|error| message(&error))?;
-            mapped.map_err(|error| message(&error))?;
-            let view = copy.get_mapped_range(..).map_err(|error| message(&error))?;
-            all.extend_from_slice(&pod_collect_to_vec::<u8, Complex32>(&view));
+            all.extend(gpu.read::<Complex32>(&part.sums)?);
         }
         self.latest = None;
         Ok(all)

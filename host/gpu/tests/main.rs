@@ -7,8 +7,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture_focus::bp::Backprojection;
-use subaperture_focus::device::{Device, DeviceError, Expansion, ProfileBlock, TileSums, rounding};
+use subaperture_focus::device::{
+    Device, DeviceError, Expansion, PatchSums, ProfileBlock, TileSums, rounding,
+};
 use subaperture_focus::exact::Exact;
+use subaperture_focus::rdbp::RangeDopplerBackprojection;
 use subaperture_focus::{FormError, Formed, ImageFormer, Numerics, Task};
 use subaperture_gpu::{Gpu, Kind};
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
@@ -151,11 +154,22 @@ fn image_keeps_each_bound() {
 struct Counting<'a> {
     gpu: &'a Gpu,
     added: AtomicUsize,
+    patches: AtomicUsize,
 }
 
 struct CountingSums<'a> {
     sums: Box<dyn TileSums + 'a>,
     added: &'a AtomicUsize,
+}
+
+impl<'a> Counting<'a> {
+    fn new(gpu: &'a Gpu) -> Self {
+        Self {
+            gpu,
+            added: AtomicUsize::new(0),
+            patches: AtomicUsize::new(0),
+        }
+    }
 }
 
 impl Device for Counting<'_> {
@@ -172,6 +186,15 @@ impl Device for Counting<'_> {
             sums: self.gpu.start(tiles)?,
             added: &self.added,
         }))
+    }
+
+    fn start_patch<'a>(
+        &'a self,
+        stations: usize,
+        lines: usize,
+    ) -> Result<Box<dyn PatchSums + 'a>, DeviceError> {
+        self.patches.fetch_add(1, Ordering::Relaxed);
+        self.gpu.start_patch(stations, lines)
     }
 }
 
@@ -214,10 +237,7 @@ fn tiles_that_do_not_suit_the_device_are_added_by_the_processor() {
         PointTargetHistory::new(history, vec![scatterer], None),
         "x=-150:150.6:0.2,y=-3.2:3.4:0.2",
     );
-    let counting = Counting {
-        gpu,
-        added: AtomicUsize::new(0),
-    };
+    let counting = Counting::new(gpu);
     let error_db = bench.error_db(-60.0, &counting);
     let added = counting.added.into_inner();
     println!("{added} tiles and pulses, {error_db:.1} dB");
@@ -234,6 +254,119 @@ fn thesis_scene_keeps_70_db() {
     let error_db = bench.error_db(-70.0, gpu);
     println!("Table 4.1: {error_db:.1} dB");
     assert!(error_db <= -70.0, "{error_db}");
+}
+
+/// Some pixels of the image, by the defining sum in float64.
+fn defining_sum(bench: &Bench, pixels: &[usize]) -> Vec<Complex64> {
+    const LIGHT_M_S: f64 = 299_792_458.0;
+    let Bench {
+        history,
+        grid,
+        weights,
+    } = bench;
+    let collection = history.collection();
+    let mut samples = vec![Complex32::ZERO; collection.pulses.len() * collection.num_samples];
+    history
+        .read(0..collection.pulses.len(), &mut samples)
+        .unwrap();
+    let total = weights.slow.iter().sum::<f64>() * weights.fast.iter().sum::<f64>();
+    let value = |&pixel: &usize| {
+        let columns = grid.columns.count;
+        let point = grid.position_m(pixel / columns, pixel % columns);
+        let rows = samples.chunks_exact(collection.num_samples);
+        let pulses = collection.pulses.iter().zip(&weights.slow).zip(rows);
+        let of_pulse = |((pulse, slow), row): ((&Pulse, &f64), &[Complex32])| {
+            let path_m =
+                (point - pulse.transmitter_m).length() + (point - pulse.receiver_m).length();
+            let delay_s = (path_m - pulse.reference_path_m) / LIGHT_M_S;
+            let terms = row.iter().zip(&weights.fast).enumerate();
+            let terms = terms.map(|(k, (z, fast))| {
+                let cycles = (pulse.start_hz + k as f64 * pulse.step_hz) * delay_s;
+                Complex64::new(z.re.into(), z.im.into())
+                    * Complex64::cis(TAU * (cycles - cycles.round()))
+                    * (slow * fast)
+            });
+            terms.sum::<Complex64>()
+        };
+        pulses.map(of_pulse).sum::<Complex64>() / total
+    };
+    pixels.iter().map(value).collect()
+}
+
+/// Maps of patches are made by the processor and interpolated by the device, along rows of pixels and along columns.
+#[test]
+fn range_doppler_maps_keep_each_bound() {
+    let Some(gpu) = gpu() else { return };
+    let history = bent_track(2e3, 400, 40.0);
+    for grid in ["x=-40:40:0.25,y=-39:39:0.26", "x=-80:80:0.25,y=-15:15:0.24"] {
+        let bench = Bench::new(history.clone(), grid);
+        let pixels: Vec<usize> = (0..150)
+            .map(|i| i * 7919 % (bench.grid.num_pixels() as usize))
+            .collect();
+        let exact = defining_sum(&bench, &pixels);
+        for bound_db in [-40.0, -70.0] {
+            let counting = Counting::new(gpu);
+            let former = RangeDopplerBackprojection::default().error_db(bound_db);
+            let formed = bench.form(&former, Some(&counting));
+            assert_eq!(formed.settings["device"], gpu.name());
+            let patches = counting.patches.into_inner();
+            let image = &formed.image.pixels;
+            let power =
+                image.iter().map(|z| f64::from(z.norm_sqr())).sum::<f64>() / image.len() as f64;
+            let squares = pixels.iter().zip(&exact).map(|(&pixel, exact)| {
+                let z = image[pixel];
+                (Complex64::new(z.re.into(), z.im.into()) - exact).norm_sqr()
+            });
+            let error_db = 10.0 * (squares.sum::<f64>() / pixels.len() as f64 / power).log10();
+            println!("{grid}, asked {bound_db} dB: {patches} patches, {error_db:.1} dB");
+            assert!(
+                patches > 0 && error_db <= bound_db,
+                "{bound_db}: {error_db}"
+            );
+            let on_processor = bench.form(&former, None);
+            let difference_db = relative_db(&formed.image, &on_processor.image);
+            println!("difference from the processor: {difference_db:.1} dB");
+            assert!(difference_db < -95.0, "{difference_db}");
+        }
+    }
+}
+
+/// Device without memory.
+#[derive(Debug)]
+struct Full;
+
+impl Device for Full {
+    fn name(&self) -> &str {
+        "full"
+    }
+
+    fn pixel_ns(&self) -> f64 {
+        1.0
+    }
+
+    fn start<'a>(&'a self, _: &[[usize; 2]]) -> Result<Box<dyn TileSums + 'a>, DeviceError> {
+        Err(DeviceError::new("full", "no memory"))
+    }
+
+    fn start_patch<'a>(
+        &'a self,
+        _: usize,
+        _: usize,
+    ) -> Result<Box<dyn PatchSums + 'a>, DeviceError> {
+        Err(DeviceError::new("full", "no memory"))
+    }
+}
+
+#[test]
+fn errors_of_the_device_are_reported() {
+    let bench = Bench::new(bent_track(2e3, 300, 40.0), "x=-40:40:0.3,y=-40:40:0.3");
+    let range_doppler = RangeDopplerBackprojection::default().error_db(-50.0);
+    let backprojection = Backprojection { error_db: -50.0 };
+    let formers: [&dyn ImageFormer; 2] = [&range_doppler, &backprojection];
+    for former in formers {
+        let error = former.form_best(&bench.task(Some(&Full))).unwrap_err();
+        assert_eq!(error.to_string(), "full: no memory");
+    }
 }
 
 /// Value of the spline with coefficients `values` of period `length` at `t`, by the basis function's formula.

@@ -114,7 +114,7 @@ pub struct Reading<'a> {
     pub clamp: [f32; 2],
     /// Stations in the order of the pixels along a line.
     pub stations: &'a [Station],
-    /// Coordinate of each line for the stations' polynomials.
+    /// Coordinate of each line for the stations' polynomials: evenly spaced, from -1 to 1.
     pub lines: &'a [f64],
 }
 
@@ -162,18 +162,57 @@ pub fn add_patch(
     scratch: &mut PatchMapScratch,
     pixels: &mut [f32],
 ) {
-    assert_eq!(history.len(), pulses.len() * shape.samples.values());
     assert_eq!(reading.curves.len(), reading.lines.len());
     assert_eq!(
         pixels.len(),
         2 * reading.stations.len() * pixel_stride(reading.lines.len())
     );
+    let output = Output::Pixels { reading, pixels };
+    form(instructions, shape, (pulses, history), scratch, output);
+}
+
+/// Map of a patch: [`map_length`] values `[bin / 16][range bin][real, imaginary][16 bins]` of the samples `history` of `pulses`.
+///
+/// # Panics
+/// If lengths do not match, or a row or column of a sample is outside the raster.
+pub fn make_map(
+    instructions: Instructions,
+    shape: &Shape,
+    (pulses, history): (&[PulseLine], &[f32]),
+    scratch: &mut PatchMapScratch,
+    values: &mut [f32],
+) {
+    assert_eq!(
+        values.len(),
+        map_length(shape.bins, shape.over_columns.len())
+    );
+    let output = Output::Map(values);
+    form(instructions, shape, (pulses, history), scratch, output);
+}
+
+/// Number of values of a map with the given numbers of Doppler and range bins.
+pub const fn map_length(bins: usize, range_bins: usize) -> usize {
+    2 * bins * range_bins
+}
+
+fn form(
+    instructions: Instructions,
+    shape: &Shape,
+    (pulses, history): (&[PulseLine], &[f32]),
+    scratch: &mut PatchMapScratch,
+    output: Output,
+) {
+    assert_eq!(history.len(), pulses.len() * shape.samples.values());
     assert!(shape.columns.is_multiple_of(GROUP) && shape.bins.is_multiple_of(GROUP));
     let [rows, columns] = [shape.over_rows.len(), shape.over_columns.len()];
     assert!(rows >= shape.rows.max(shape.bins) && columns >= shape.columns);
     assert!(shape.gridding.taps() == TAPS && shape.range.taps() == TAPS);
     assert_eq!(shape.doppler.taps(), DOPPLER_TAPS);
-    let [raster, spectra, read] = PatchMapScratch::lengths(shape, reading.lines.len());
+    let lines = match &output {
+        Output::Pixels { reading, .. } => reading.lines.len(),
+        Output::Map(_) => 0,
+    };
+    let [raster, spectra, read] = PatchMapScratch::lengths(shape, lines);
     scratch.line.clear();
     scratch
         .line
@@ -210,9 +249,8 @@ pub fn add_patch(
         shape,
         pulses,
         history,
-        reading,
         scratch,
-        pixels,
+        output,
     });
 }
 
@@ -221,13 +259,23 @@ pub const fn pixel_stride(lines: usize) -> usize {
     lines.next_multiple_of(GROUP)
 }
 
+/// Result of the transforms.
+enum Output<'a> {
+    /// Pixels interpolated at their positions.
+    Pixels {
+        reading: &'a Reading<'a>,
+        pixels: &'a mut [f32],
+    },
+    /// Values of the map.
+    Map(&'a mut [f32]),
+}
+
 struct Form<'a> {
     shape: &'a Shape<'a>,
     pulses: &'a [PulseLine],
     history: &'a [f32],
-    reading: &'a Reading<'a>,
     scratch: &'a mut PatchMapScratch,
-    pixels: &'a mut [f32],
+    output: Output<'a>,
 }
 
 impl Kernel for Form<'_> {
@@ -239,9 +287,8 @@ impl Kernel for Form<'_> {
             shape,
             pulses,
             history,
-            reading,
             scratch,
-            pixels,
+            mut output,
         } = self;
         let PatchMapScratch {
             line,
@@ -269,9 +316,20 @@ impl Kernel for Form<'_> {
         }
         for block in 0..shape.bins / GROUP {
             let buffers = [&mut first[..], &mut second[..]];
-            over_columns(lanes, shape, block, (spectra, reading), buffers, read);
+            let rows = over_columns(lanes, shape, block, spectra, buffers);
+            match &mut output {
+                Output::Pixels { reading, .. } => {
+                    read_lines(lanes, shape, block, (rows, reading), read);
+                }
+                Output::Map(values) => {
+                    let values = values.as_chunks_mut().0;
+                    values[block * rows.len()..(block + 1) * rows.len()].copy_from_slice(rows);
+                }
+            }
         }
-        read_stations(lanes, shape, reading, read, pixels);
+        if let Output::Pixels { reading, pixels } = output {
+            read_stations(lanes, shape, reading, read, pixels);
+        }
     }
 }
 
@@ -559,21 +617,32 @@ fn over_rows<L: Lanes>(
     }
 }
 
-/// Transform a block of Doppler bins over the columns, and interpolate in range at every line.
+/// Transform a block of Doppler bins over the columns: rows of range bins.
 #[inline(always)]
-fn over_columns<L: Lanes>(
+fn over_columns<'b, L: Lanes>(
     lanes: L,
     shape: &Shape,
     block: usize,
-    (spectra, reading): (&[f32], &Reading),
-    [first, second]: [&mut [Row]; 2],
-    read: &mut [f32],
-) {
+    spectra: &[f32],
+    [first, second]: [&'b mut [Row]; 2],
+) -> &'b [Row] {
     let fft = shape.over_columns;
     let (length, plane) = (fft.len(), stride(shape.bins));
     let (rows, other) = (&mut first[..length], &mut second[..length]);
     gather(rows, shape.first_column, (spectra, plane), block);
-    let rows = fft.run(lanes, rows, other);
+    fft.run(lanes, rows, other)
+}
+
+/// Interpolate a block of Doppler bins in range at every line.
+#[inline(always)]
+fn read_lines<L: Lanes>(
+    lanes: L,
+    shape: &Shape,
+    block: usize,
+    (rows, reading): (&[Row], &Reading),
+    read: &mut [f32],
+) {
+    let length = rows.len();
     let first_bin = (shape.first_bin + (block * GROUP) as isize) as f32;
     let plane = stride(reading.lines.len());
     let read = &mut read[2 * plane * block * GROUP..];

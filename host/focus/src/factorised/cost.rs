@@ -303,7 +303,8 @@ impl<'a> DecimationChain<'a> {
     /// Memory of a thread that processes a patch of this level alone, bytes.
     pub(super) fn thread_bytes(&self, level: usize) -> u64 {
         let maps = self.maps.iter().flatten();
-        let maps = maps.map(MapSize::bytes).max().unwrap_or(0);
+        let on_device = self.spec.numerics.device.is_some();
+        let maps = maps.map(|map| map.bytes(on_device)).max().unwrap_or(0);
         2 * self.bytes_at(level) + self.leaf_bytes() + maps
     }
 
@@ -351,10 +352,15 @@ impl MapSize {
             + pixels * (100.0 + 4.0 * DOPPLER_TAPS as f64)
     }
 
-    /// Buffers of the map, bytes.
-    fn bytes(&self) -> u64 {
+    /// Buffers of the map, bytes. A device has two copies of its values, one of them on the way.
+    fn bytes(&self, on_device: bool) -> u64 {
         let stride = |count: usize| count + 2 * GROUP;
-        let values = self.rows * stride(self.columns)
+        let map = match on_device {
+            true => 2 * self.bins * self.over_columns,
+            false => 0,
+        };
+        let values = map
+            + self.rows * stride(self.columns)
             + self.columns * stride(self.bins)
             + self.bins * stride(self.lines)
             + self.stations * (stride(self.lines) + self.lines);

@@ -25,6 +25,7 @@ use super::refine::{Recorded, RefineScratch, Refiner};
 use super::thinned::Stretch;
 use super::tree::{Node, Tree};
 use crate::FormError;
+use crate::device::{Device, DeviceError};
 use crate::patch::{Rectangle, Segment};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
@@ -35,6 +36,9 @@ pub(super) struct MapLeaves<'a> {
     pub(super) kernels: &'a MapKernels,
     /// Level of the largest patches with maps.
     pub(super) level: usize,
+    /// Device that interpolates maps, and its first error.
+    pub(super) device: Option<&'a dyn Device>,
+    pub(super) fault: &'a Mutex<Option<DeviceError>>,
 }
 
 /// Requested pixels of the task patches, by patch row and column.
@@ -107,7 +111,7 @@ impl Descent<'_, '_> {
     /// the current one is processed.
     ///
     /// # Errors
-    /// Errors of reading.
+    /// Errors of reading and of the device.
     pub(super) fn all(
         &self,
         recorded: &Recorded,
@@ -132,8 +136,18 @@ impl Descent<'_, '_> {
                 }
                 _ => down(),
             }
+            if let Some(error) = self.fault() {
+                return Err(error.into());
+            }
         }
         Ok(())
+    }
+
+    /// Error of the device.
+    fn fault(&self) -> Option<DeviceError> {
+        let fault = self.maps.as_ref()?.fault;
+        let fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
+        fault.clone()
     }
 
     /// Compute the history of a first patch.
@@ -319,7 +333,13 @@ impl Descent<'_, '_> {
         segments: &mut [Segment],
         scratch: &mut Scratch,
     ) -> bool {
-        let Some(MapLeaves { kernels, level }) = self.maps else {
+        let Some(MapLeaves {
+            kernels,
+            level,
+            device,
+            fault,
+        }) = self.maps
+        else {
             return false;
         };
         if node.level > level {
@@ -338,10 +358,15 @@ impl Descent<'_, '_> {
             data_m: &history.data_m,
         };
         let imaging = during(self.monitor, MAPS);
-        let imaged = scratch.maps.image(&of_patch, kernels, history, segments);
+        let maps = &mut scratch.maps;
+        let imaged = maps.image(&of_patch, kernels, history, segments, device);
         drop(imaging);
         scratch.levels.extend(own);
-        imaged
+        imaged.unwrap_or_else(|error| {
+            let mut fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
+            fault.get_or_insert(error);
+            true
+        })
     }
 }
 

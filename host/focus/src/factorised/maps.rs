@@ -33,6 +33,7 @@ use subaperture_signal::polynomial::through;
 
 use super::history::{Axes, PatchHistory};
 use super::thinned::Thinned;
+use crate::device::{self, Device, DeviceError, PatchMap};
 use crate::patch::{PatchSize, Rectangle, Segment};
 
 /// Name of the stage of maps and their interpolation.
@@ -206,6 +207,8 @@ pub(super) struct MapScratch {
     kernels: PatchMapScratch,
     pixels: Vec<f32>,
     rows: Vec<Complex32>,
+    /// Values of a map for a device.
+    map: Vec<f32>,
 }
 
 /// A patch: pixels and pulses.
@@ -374,19 +377,28 @@ impl MapScratch {
         Some(sizes.collect())
     }
 
-    /// Add the image of a patch to its requested pixels; `false` if the patch is not suited to maps.
+    /// Add the image of a patch to its requested pixels, interpolated by the `device` if there is one; `false` if the patch is not suited to maps.
+    ///
+    /// # Errors
+    /// Errors of the device.
     pub(super) fn image(
         &mut self,
         patch: &MapPatch,
         kernels: &MapKernels,
         history: &PatchHistory,
         segments: &mut [Segment],
-    ) -> bool {
+        device: Option<&dyn Device>,
+    ) -> Result<bool, DeviceError> {
         let Some(maps) = self.plan(patch, kernels) else {
-            return false;
+            return Ok(false);
         };
         let layout = patch.axes.layout();
         let [stations, lines] = patch.stations_and_lines(maps.by_columns);
+        let places = places(lines);
+        let mut sums = match device.filter(|_| maps.rounding() <= kernels.kernel_error) {
+            Some(device) => Some(device.start_patch(stations, lines)?),
+            None => None,
+        };
         self.pixels.clear();
         self.pixels
             .resize(2 * stations * patch_map::pixel_stride(lines), 0.0);
@@ -399,18 +411,32 @@ impl MapScratch {
                 bin_scale: map.bin_scale,
                 clamp: map.clamp,
                 stations: &map.stations,
-                lines: &places(lines),
+                lines: &places,
             };
             let values = layout.values();
             let samples = &history.values[map.pulses.start * values..map.pulses.end * values];
-            patch_map::add_patch(
-                Instructions::best(),
-                &shape,
-                (&map.lines, samples),
-                &reading,
-                &mut self.kernels,
-                &mut self.pixels,
+            let (instructions, pulses) = (Instructions::best(), (&map.lines[..], samples));
+            let Some(sums) = &mut sums else {
+                let (scratch, pixels) = (&mut self.kernels, &mut self.pixels);
+                patch_map::add_patch(instructions, &shape, pulses, &reading, scratch, pixels);
+                continue;
+            };
+            self.map.resize(
+                patch_map::map_length(map.sizes.bins, map.sizes.over_columns),
+                0.0,
             );
+            let (scratch, map_values) = (&mut self.kernels, &mut self.map);
+            patch_map::make_map(instructions, &shape, pulses, scratch, map_values);
+            sums.add(&PatchMap {
+                values: &self.map,
+                range_bins: map.sizes.over_columns,
+                first_bin: map.sizes.first_bin,
+                kernels: [shape.range.polynomials(), shape.doppler.polynomials()],
+                reading: &reading,
+            })?;
+        }
+        if let Some(sums) = sums {
+            self.pixels = sums.take()?;
         }
         self.rows.resize(stations * lines, Complex32::ZERO);
         let pixels = (&self.pixels[..], stations, lines);
@@ -428,7 +454,15 @@ impl MapScratch {
                 *pixel += value;
             }
         }
-        true
+        Ok(true)
+    }
+}
+
+impl PatchMaps {
+    /// Bound on the error of their interpolation by a device.
+    fn rounding(&self) -> f64 {
+        let stations = self.parts.iter().flat_map(|map| &map.stations);
+        device::map_rounding(stations.map(device::bend).fold(0.0, f64::max))
     }
 }
 

@@ -55,6 +55,7 @@ mod shares;
 mod thinned;
 mod tree;
 
+use std::sync::Mutex;
 use std::sync::atomic::AtomicUsize;
 
 use serde_json::json;
@@ -131,6 +132,9 @@ pub(super) fn decide(
         let [rows, columns] = tree.size(level);
         settings["map_rows"] = rows.into();
         settings["map_columns"] = columns.into();
+        if let Some(device) = spec.numerics.device {
+            settings["device"] = device.name().into();
+        }
     }
     Ok(Some(Decision {
         settings,
@@ -238,6 +242,14 @@ impl<'a> Opened<'a> {
         let wanted: Wanted = self.tasks.split_by_place(tiles);
         let (done, pool) = (AtomicUsize::new(0), Pool::default());
         let tasks = self.stretches.len() * wanted.len();
+        let fault = Mutex::new(None);
+        let maps = self.kernels.as_ref().zip(self.choices.map_level);
+        let maps = maps.map(|(kernels, level)| MapLeaves {
+            kernels,
+            level,
+            device: self.spec.numerics.device,
+            fault: &fault,
+        });
         for stretch in &self.stretches {
             let recorded = self.recorded(work, reading, stretch)?;
             let descent = Descent {
@@ -245,11 +257,7 @@ impl<'a> Opened<'a> {
                 grid: self.spec.grid,
                 tree: &self.choices.tree,
                 task_level: self.choices.tree.task_level(self.choices.map_level),
-                maps: self
-                    .kernels
-                    .as_ref()
-                    .zip(self.choices.map_level)
-                    .map(|(kernels, level)| MapLeaves { kernels, level }),
+                maps,
                 refiner: &self.refiner,
                 transforms: self.spec.numerics.transforms,
                 stretch,
