@@ -13,7 +13,7 @@ pub struct Numerics<'a> {
     pub transforms: Transforms,
     /// Timing model for the choice between methods. Each choice keeps the error bound for any model.
     pub model: &'a TimeModel,
-    /// Device for the formers that can use one: `bp` on Cartesian grids. It is not part of a plan: a plan made with a device can be carried out without, and its
+    /// Device for the formers that can use one: `bp` and nested patches of `rdbp` on Cartesian grids. It is not part of a plan: a plan made with a device can be carried out without, and its
     /// bound holds for both. The images differ in rounding.
     pub device: Option<&'a dyn Device>,
 }

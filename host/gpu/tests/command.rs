@@ -51,12 +51,10 @@ fn recording() -> TempDir {
 
 fn focus(folder: &TempDir, arguments: &[&str]) -> Output {
     let mut command = Command::new(program());
-    command.args([
-        "focus",
-        "points.cphd",
-        "--grid",
-        "x=-10:10:0.25,y=-10:10:0.25",
-    ]);
+    command.args(["focus", "points.cphd"]);
+    if !arguments.contains(&"--grid") {
+        command.args(["--grid", "x=-10:10:0.25,y=-10:10:0.25"]);
+    }
     command.args(arguments).current_dir(folder);
     command.output().unwrap()
 }
@@ -66,10 +64,10 @@ fn record(folder: &TempDir, out: &str) -> Value {
     serde_json::from_slice(&text).unwrap()
 }
 
-/// Form an image by bp on the GPU with more options; its record, which names the device.
-fn formed_by_gpu(options: &[&str]) -> Value {
+/// Form an image by a former on the GPU with more options; its record, which names the device.
+fn formed_by_gpu(former: &str, options: &[&str]) -> Value {
     let folder = recording();
-    let by_gpu = ["--algorithm", "bp", "--device", "gpu", "--out", "gpu"];
+    let by_gpu = ["--algorithm", former, "--device", "gpu", "--out", "gpu"];
     let ran = focus(&folder, &[&by_gpu, options].concat());
     let stderr = String::from_utf8_lossy(&ran.stderr);
     assert!(ran.status.success(), "{stderr}");
@@ -83,14 +81,19 @@ fn formed_by_gpu(options: &[&str]) -> Value {
 
 #[test]
 fn image_is_formed_by_gpu_and_recorded() {
-    let record = formed_by_gpu(&["--check", "200"]);
-    let error_db = record["check"]["relative_rms_db"].as_f64().unwrap();
-    assert!(error_db < -60.0, "{error_db}");
+    for (former, options) in [
+        ("bp", &[][..]),
+        ("rdbp", &["--grid", "x=-32:32:0.25,y=-32:32:0.25"]),
+    ] {
+        let record = formed_by_gpu(former, &[&["--check", "200"], options].concat());
+        let error_db = record["check"]["relative_rms_db"].as_f64().unwrap();
+        assert!(error_db < -60.0, "{former}: {error_db}");
+    }
 }
 
 #[test]
 fn tiles_are_formed_by_gpu() {
-    formed_by_gpu(&["--tiled"]);
+    formed_by_gpu("bp", &["--tiled"]);
 }
 
 #[test]

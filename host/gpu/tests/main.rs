@@ -331,7 +331,7 @@ fn range_doppler_maps_keep_each_bound() {
     }
 }
 
-/// Device without memory.
+/// Device that has no memory left.
 #[derive(Debug)]
 struct Full;
 

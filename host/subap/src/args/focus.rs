@@ -76,7 +76,7 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
 
-    /// Device that forms the image. bp on Cartesian grids can use a GPU; a note reports an image formed on the processor all the same
+    /// Device that forms the image. bp and rdbp on Cartesian grids can use a GPU; a note reports an image formed on the processor all the same
     #[arg(long, value_enum, default_value_t = DeviceChoice::Cpu, conflicts_with = "portable")]
     pub(crate) device: DeviceChoice,
 

@@ -48,7 +48,7 @@ pub(super) fn note_unused(device: Option<&dyn Device>, former: &str, summary: &V
         let former = summary["former"].as_str().unwrap_or(former);
         let name = device.name();
         messages::note(&format!(
-            "--device: {former} forms this image on the processor; bp on a Cartesian grid can use {name}"
+            "--device: {former} forms this image on the processor; bp and rdbp on Cartesian grids can use {name}"
         ));
     }
 }
