@@ -374,7 +374,7 @@ fn errors_of_random_movers_are_within_their_covariances() {
         counts.add(seed, &movers, &found.targets, errors_of);
     }
     counts.assert_covered();
-    // Targets on the line of a much stronger one are taken for its side lobes. 9,200 cells with a false alarm probability of 1e-6 have 0.009 false targets in a scene of Gaussian clutter; clutter of few points has more.
+    // Targets on the line of a much stronger one are taken for its side lobes. 9,200 cells with a false alarm probability of 1e-6 have 0.009 false targets in a scene; more on the range lines of strong targets, whose side lobes add to noise.
     counts.assert_detected(99, scenes.div_ceil(10));
 }
 
