@@ -484,7 +484,7 @@ fn identity(size: usize) -> Vec<Complex64> {
 }
 
 /// Function that reads the vector of a pixel.
-type Vector = fn(&ChannelImages, usize, &mut [Complex32]);
+pub(crate) type Vector = fn(&ChannelImages, usize, &mut [Complex32]);
 
 /// Vector of a pixel over all channels.
 pub(crate) fn channels(images: &ChannelImages, pixel: usize, out: &mut [Complex32]) {

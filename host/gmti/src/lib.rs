@@ -38,6 +38,8 @@ mod images;
 mod interleaved;
 mod moments;
 mod motion;
+mod noise;
+mod place;
 mod radial;
 mod refocus;
 pub mod registration;

@@ -1,13 +1,20 @@
-//! Radial velocity of a detected target, and the powers of its pixels.
+//! Radial velocity of a detected target, and the amplitudes of its pixels.
 //!
 //! The radial velocity maximises
 //!
 //! ```text
-//! J(v) = K / g sum_p |s(v)^H S^-1 x_p|^2 / (s(v)^H S^-1 s(v))
+//! J(v) = K sum_p |s(v)^H S^-1 x_p|^2 / (s(v)^H S^-1 s(v))
 //! ```
 //!
-//! over the pixels of the target, the log likelihood of a target of unknown complex amplitude in each pixel; `S` is the sum over `K` training cells, and `g` the
-//! pixels of an independent cell ([`crate::correlation`]). The standard deviation is `(-J''(v))^(-1/2)`, the Cramer-Rao bound at the estimate.
+//! over the pixels of the target, the log likelihood of a target of unknown complex amplitude in each pixel; `S` is the sum over `K` training cells. With independent pixels the variance is the Cramer-Rao bound `-1 / J''(v)`. Noise of neighbouring
+//! pixels is correlated: with the amplitudes `s_p`, the whitened noise `n_p` of unit power in each component, and the part `d` of the derivative of the whitened unit steering vector that is normal to it,
+//!
+//! ```text
+//! J' = 2 Re sum_p s_p* d^H n_p,   -J'' = 2 |d|^2 sum_p |s_p|^2,
+//! var(v) = var(J') / J''^2 = rho / -J'',   rho = Re sum_pq s_p* s_q <n_p n_q*> / sum_p |s_p|^2,
+//! ```
+//!
+//! with the correlation `<n_p n_q*>` of one component ([`crate::noise`]).
 
 use std::collections::HashSet;
 
@@ -20,6 +27,7 @@ use crate::detection::{
 };
 use crate::error::GmtiError;
 use crate::images::ChannelImages;
+use crate::noise::{Echo, NoiseSpectrum};
 
 /// Steps of the velocity search, per interval between tested velocities.
 const FINE: usize = 8;
@@ -32,11 +40,11 @@ pub(crate) struct Radial {
     pub(crate) deviation_m_s: f64,
     /// Interval of ambiguity, metres per second.
     pub(crate) ambiguity_m_s: f64,
-    /// Ratio of signal to clutter and noise in each pixel of the region, with one covariance for all.
-    pub(crate) powers: Vec<f64>,
+    /// Pixels of the region, in units of clutter and noise, with one covariance for all.
+    pub(crate) echoes: Vec<Echo>,
 }
 
-/// Radial velocity of a target by its `used` pixels, and the powers of a `region`.
+/// Radial velocity of a target by its `used` pixels, and the echoes of a `region`.
 ///
 /// # Errors
 /// [`GmtiError::Adaptive`] if training fails.
@@ -45,6 +53,7 @@ pub(crate) fn radial(
     alignment: &Alignment,
     settings: &Settings,
     map: &StatisticMap,
+    noise: &NoiseSpectrum,
     (peak, used, region): (usize, &[usize], &[usize]),
 ) -> Result<Radial, GmtiError> {
     let (lags_s, centre_hz) = (alignment.lags_s(), images.centre_hz);
@@ -61,13 +70,18 @@ pub(crate) fn radial(
         };
         pixels.iter().map(of_pixel).collect()
     };
-    let [used, region] = [used, region].map(&mut white);
-    let snapshots = covariance.snapshots() as f64;
-    let powers = |cells, velocity_m_s: f64| {
+    let [white_used, white_region] = [used, region].map(&mut white);
+    let scale = (covariance.snapshots() as f64).sqrt();
+    let amplitudes = |cells, velocity_m_s: f64| {
         let steering = steering(lags_s, centre_hz, velocity_m_s);
-        matched_powers(&whitener, &steering, cells).map(move |power| snapshots * power)
+        matched(&whitener, &steering, cells).map(move |amplitude| scale * amplitude)
     };
-    let likelihood = |velocity_m_s: f64| powers(&used, velocity_m_s).sum::<f64>() / map.cell_pixels;
+    let likelihood = |velocity_m_s: f64| {
+        let amplitudes = amplitudes(&white_used, velocity_m_s);
+        amplitudes
+            .map(|amplitude| amplitude.norm_sqr())
+            .sum::<f64>()
+    };
     let most = unambiguous_m_s(lags_s, centre_hz);
     let count = FINE * velocities_m_s(lags_s, centre_hz).len();
     let step = 2.0 * most / count as f64;
@@ -88,15 +102,23 @@ pub(crate) fn radial(
     }
     let h = step / 4.0;
     let curvature = (2.0 * best.1 - likelihood(best.0 + h) - likelihood(best.0 - h)) / (h * h);
+    let echoes = |pixels: &[usize], amplitudes: &mut dyn Iterator<Item = Complex64>| {
+        let pixels = pixels.iter().zip(amplitudes);
+        let echo = |(&pixel, amplitude)| noise.echo(pixel, amplitude);
+        pixels.map(echo).collect::<Vec<Echo>>()
+    };
+    let own = echoes(used, &mut amplitudes(&white_used, best.0));
+    let [[twice]] = noise.covariance(&own, |_| [1.0]);
+    let correlated = twice / (2.0 * own.iter().map(Echo::power).sum::<f64>());
     let deviation = match curvature > 0.0 {
-        true => curvature.sqrt().recip().min(most),
+        true => (correlated / curvature).sqrt().min(most),
         false => most,
     };
     Ok(Radial {
         velocity_m_s: best.0,
         deviation_m_s: deviation,
         ambiguity_m_s: 2.0 * most,
-        powers: powers(&region, best.0).collect(),
+        echoes: echoes(region, &mut amplitudes(&white_region, best.0)),
     })
 }
 
@@ -124,16 +146,14 @@ pub(crate) fn region(map: &StatisticMap, used: &[usize], pixels: &[usize]) -> Ve
         .collect()
 }
 
-/// `|s^H x|^2 / (s^H s)` of each whitened vector.
-fn matched_powers<'c>(
+/// `s^H x / (s^H s)^(1/2)` of each whitened vector.
+fn matched<'c>(
     whitener: &Whitener,
     steering: &[Complex64],
     cells: &'c [Vec<Complex64>],
-) -> impl Iterator<Item = f64> + use<'c> {
+) -> impl Iterator<Item = Complex64> + use<'c> {
     let mut white = vec![Complex64::ZERO; steering.len()];
     whitener.whiten(steering, &mut white);
-    let norm = power(&white);
-    cells
-        .iter()
-        .map(move |cell| product(&white, cell).norm_sqr() / norm)
+    let norm = power(&white).sqrt();
+    cells.iter().map(move |cell| product(&white, cell) / norm)
 }

@@ -1,7 +1,6 @@
 //! Detected targets: radial velocity and position with covariance.
 //!
-//! Detected pixels form groups, one for each target ([`crate::groups`]). The radial velocity has the largest likelihood ([`crate::radial`]). The place in the image is the mean over pixels, weighted by the excess of
-//! their powers over a tenth of the largest. Its error along the path is that of the maximum of a response in noise, at the signal to noise ratio of all these pixels, with the spectrum of the window.
+//! Detected pixels form groups, one for each target ([`crate::groups`]). The radial velocity has the largest likelihood ([`crate::radial`]). The place in the image is a mean over pixels ([`crate::place`]).
 //!
 //! The image shows a target of path rate `rho = -2 v` where a stationary scatterer has its path and its total path rate. Its position at
 //! the middle of the aperture has the same path, and the path rate of the radar alone:
@@ -10,14 +9,16 @@
 //! path(p) = path(image place),   d path(p) / dt = d path(image place) / dt - rho
 //! ```
 //!
+//! The covariance of the position is the sum of that by the radial velocity, which moves it along the track, and that by the place in the image: noise, and the distance of pixels. Errors of the radial velocity are independent of those of the place in first order: noise in the direction of the whitened steering vector moves the place, noise normal to it the radial velocity.
+//!
 //! Range and Doppler side lobes of a strong target exceed the threshold as well. Groups of pixels on its Doppler or range line are left out and counted if they are weaker by
-//! the side lobe ratio (PSLR) of the window over frequency or slow time, less a margin of 8 dB, and by 1.5 dB more per octave of the distance beyond 5 cells.
+//! the side lobe ratio (PSLR) of the window over frequency or slow time, less a margin of 8 dB, and by 1.5 dB more per octave of the distance beyond 5 cells. The powers of both are compared in units of the same covariance, that around the weaker group: the SNR of the map
+//! is lower by some 20 dB for targets with another strong target in their training cells.
 //!
 //! Neglected: height above the grid's plane, acceleration, and the motion along the track, which defocus or move the image place less.
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -26,18 +27,17 @@ use subaperture_model::phase_history::Collection;
 use subaperture_model::resolution::theory::expected;
 use subaperture_signal::window::Window;
 
+use crate::adaptive::{AdaptiveError, Loading, Whitener, power};
 use crate::alignment::Alignment;
-use crate::detection::{Settings, StatisticMap, unambiguous_m_s};
+use crate::detection::{Settings, StatisticMap, Vector, differences, train, unambiguous_m_s};
 use crate::error::GmtiError;
 use crate::groups::groups;
 use crate::images::ChannelImages;
-use crate::moments::moments;
 use crate::motion::{CrossRange, axes};
+use crate::noise::{Echo, NoiseSpectrum};
+use crate::place::{Place, USED};
 use crate::radial::{Radial, radial, region};
 use crate::space_time::{Motion, Mover};
-
-/// Level below the strongest pixel of a target, dB, from which its pixels are used.
-const USED_DB: f64 = 10.0;
 
 /// Margin of the side lobes of a target over those of the windows, dB: a defocused target is lower, and its side lobes add to noise.
 const SIDE_LOBE_MARGIN_DB: f64 = 8.0;
@@ -50,12 +50,6 @@ const LINE_CELLS: f64 = 3.0;
 
 /// Smallest cosine of the grazing angle with which a radial velocity gives a horizontal one.
 const MIN_LEVEL: f64 = 0.05;
-
-/// Standard deviation of the mean over pixels without noise, range cells, with two pixels or more in a cell: measured on 500 targets (`tests/scene`).
-const PLACE_CELLS: f64 = 0.004;
-
-/// Standard deviation of the place of a target in the image along the track, as a fraction of its extent: measured on 240 targets (`tests/scene`).
-const EXTENT_DEVIATION: f64 = 0.045;
 
 /// Detected moving target at the middle of the aperture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -112,13 +106,13 @@ pub(crate) struct Estimator<'a> {
 }
 
 /// Ratio of power from which a weaker group of pixels may be a side lobe of a window.
-fn side_lobe_ratio(window: Window) -> f32 {
+fn side_lobe_ratio(window: Window) -> f64 {
     let response = expected(&window.weights(128), 16.0, 3.0);
     let ratio_db = response
         .and_then(|response| response.null_rule.pslr_db)
         .unwrap_or(0.0);
     let ratio_db = (-ratio_db - SIDE_LOBE_MARGIN_DB).max(0.0);
-    10f64.powf(ratio_db / 10.0) as f32
+    10f64.powf(ratio_db / 10.0)
 }
 
 impl Estimator<'_> {
@@ -128,44 +122,103 @@ impl Estimator<'_> {
     /// [`GmtiError::Adaptive`] if training fails.
     pub(crate) fn targets(&self, map: &StatisticMap) -> Result<(Vec<Target>, usize), GmtiError> {
         let track = SubCpi::new(self.collection, self.alignment.middle_pulses());
-        let path_cell_m = 2.0 * self.range_cell_m();
-        let rate_cell = SPEED_OF_LIGHT_M_S / self.images.centre_hz / self.alignment.duration_s()
-            * self.alignment.interval_s();
-        let mut lines: Vec<Lines> = Vec::new();
-        let mut kept = Vec::new();
-        let mut side_lobes = 0;
-        let ratios = self.windows.map(side_lobe_ratio);
-        for (peak, pixels) in groups(map) {
-            let of = |pixel: usize| track.path_and_rate(self.pixel_m(pixel));
-            let ((path_m, rate), snr) = (of(peak), map.snr[peak]);
-            let masks = |stronger: &Lines| stronger.mask((path_m, rate), snr, ratios);
-            if lines.iter().any(masks) {
-                side_lobes += 1;
-                continue;
-            }
-            lines.push(Lines::around(
-                pixels.iter().map(|&pixel| of(pixel)),
-                [path_cell_m, rate_cell],
-                snr,
-            ));
-            kept.push((peak, pixels));
-        }
+        let noise = NoiseSpectrum {
+            windows: self.windows,
+            track: &track,
+            grid: self.grid,
+            cells: [
+                2.0 * self.range_cell_m(),
+                SPEED_OF_LIGHT_M_S / self.images.centre_hz / self.alignment.duration_s()
+                    * self.alignment.interval_s(),
+            ],
+            centre_hz: self.images.centre_hz,
+        };
+        let all = groups(map);
+        let kept = self.main_lobes(map, &noise, &all)?;
+        let side_lobes = all.len() - kept.len();
+        // The main lobe of a response is narrower than twice the distance of independent cells.
+        let reach = [map.spacing.rows, map.spacing.columns].map(|spacing| 2 * spacing);
+        let sampling = match kept.is_empty() {
+            true => [0.0; 2],
+            false => noise.sampling_deviation(reach),
+        };
         let targets = kept.par_iter();
-        let targets = targets.map(|(peak, pixels)| self.target(map, &track, (*peak, pixels)));
+        let targets =
+            targets.map(|(peak, pixels)| self.target(map, &noise, sampling, (*peak, pixels)));
         let targets: Vec<Result<Target, GmtiError>> = targets.collect();
         // The first error in the order of the targets.
         let targets = targets.into_iter().collect::<Result<_, GmtiError>>()?;
         Ok((targets, side_lobes))
     }
 
+    /// Groups without side lobes of stronger ones, in their order.
+    fn main_lobes<'g>(
+        &self,
+        map: &StatisticMap,
+        noise: &NoiseSpectrum,
+        all: &'g [(usize, Vec<usize>)],
+    ) -> Result<Vec<&'g (usize, Vec<usize>)>, GmtiError> {
+        let size = self.images.images.len() - 1;
+        let vector = |peak: usize| {
+            let mut vector = vec![Complex32::ZERO; size];
+            differences(self.images, peak, &mut vector);
+            vector
+        };
+        let trained = all.par_iter().map(|(peak, _)| {
+            let vectors = (size, differences as Vector);
+            let covariance = train(self.images, map, self.settings, *peak, vectors);
+            let whitener = covariance.factor(Loading::Off)?;
+            Ok((whitener, covariance.snapshots() as f64))
+        });
+        let trained: Vec<Result<(Whitener, f64), AdaptiveError>> = trained.collect();
+        let trained = trained.into_iter().collect::<Result<Vec<_>, _>>()?;
+        // Power of the peak of group `other` in units of the covariance around group `own`.
+        let power = |own: usize, other: usize| {
+            let (whitener, snapshots) = &trained[own];
+            let mut white = vec![Complex64::ZERO; size];
+            whitener.whiten(&vector(all[other].0), &mut white);
+            snapshots * power(&white)
+        };
+        let lines: Vec<Lines> = all
+            .par_iter()
+            .map(|(_, pixels)| {
+                let places = pixels.iter();
+                Lines::around(
+                    places.map(|&pixel| noise.track.path_and_rate(self.pixel_m(pixel))),
+                    noise.cells,
+                )
+            })
+            .collect();
+        let ratios = self.windows.map(side_lobe_ratio);
+        // Strongest first, each in units of the covariance around it: a side lobe comes after its target.
+        let own_powers: Vec<f64> = (0..all.len()).map(|own| power(own, own)).collect();
+        let mut order: Vec<usize> = (0..all.len()).collect();
+        order.sort_by(|&a, &b| own_powers[b].total_cmp(&own_powers[a]));
+        let mut kept: Vec<usize> = Vec::new();
+        for own in order {
+            let place = noise.track.path_and_rate(self.pixel_m(all[own].0));
+            let masks = |&other: &usize| {
+                let least = lines[other].least_ratio(place, ratios);
+                least.is_some_and(|least| power(own, other) >= least * own_powers[own])
+            };
+            if !kept.iter().any(masks) {
+                kept.push(own);
+            }
+        }
+        kept.sort_unstable();
+        Ok(kept.into_iter().map(|own| &all[own]).collect())
+    }
+
+    /// Estimate the target of a group of pixels. `sampling` is the error of its place by the distance of pixels.
     fn target(
         &self,
         map: &StatisticMap,
-        track: &SubCpi,
+        noise: &NoiseSpectrum,
+        sampling: [f64; 2],
         (peak, pixels): (usize, &[usize]),
     ) -> Result<Target, GmtiError> {
         let snr = |pixel: usize| f64::from(map.snr[pixel]);
-        let weakest = snr(peak) * 10f64.powf(-USED_DB / 10.0);
+        let weakest = snr(peak) * USED;
         let used: Vec<usize> = pixels
             .iter()
             .copied()
@@ -176,29 +229,24 @@ impl Estimator<'_> {
             velocity_m_s: velocity,
             deviation_m_s: deviation,
             ambiguity_m_s: ambiguity,
-            powers,
+            echoes,
         } = radial(
             self.images,
             self.alignment,
             self.settings,
             map,
+            noise,
             (peak, &used, &region),
         )?;
-        // Weights that fall to 0 at the edge of the target: a step would draw the mean to the pixels.
-        let strongest = powers.iter().copied().fold(0.0, f64::max);
-        let least = strongest * 10f64.powf(-USED_DB / 10.0);
-        let weights = powers.iter().map(|&power| (power - least).max(0.0));
-        let weights: Vec<f64> = weights.collect();
-        let total: f64 = weights.iter().sum();
-        let mean = |of: &dyn Fn(usize) -> usize| {
-            let pixels = region.iter().zip(&weights);
-            let terms = pixels.map(|(&pixel, weight)| weight * of(pixel) as f64);
-            terms.sum::<f64>() / total
-        };
-        let [row, column] = [
-            mean(&|pixel| pixel / map.columns),
-            mean(&|pixel| pixel % map.columns),
-        ];
+        let powers: Vec<f64> = echoes.iter().map(Echo::power).collect();
+        let places = region
+            .iter()
+            .map(|&pixel| [pixel / map.columns, pixel % map.columns].map(|at| at as f64));
+        let places: Vec<[f64; 2]> = places.collect();
+        let Place {
+            mean: [row, column],
+            factors,
+        } = Place::of(&places, &powers);
         let along = self.images.view.along();
         let places = used.iter().map(|&pixel| self.pixel_m(pixel).dot(along));
         let ends = [f64::INFINITY, f64::NEG_INFINITY];
@@ -208,30 +256,32 @@ impl Estimator<'_> {
         let sight = (image_m - self.images.view.antenna_m()).normalize_or_zero();
         let level = libm::hypot(sight.x, sight.y);
         let interval_s = self.alignment.interval_s();
-        let (path_m, rate) = track.path_and_rate(image_m);
-        let place = |velocity_m_s: f64, path_m: f64| {
+        let axes = [self.grid.x_axis, self.grid.y_axis];
+        let place = |image_m: DVec3, velocity_m_s: f64| {
+            let (path_m, rate) = noise.track.path_and_rate(image_m);
             let rate = rate + 2.0 * velocity_m_s * interval_s;
-            track.locate(image_m, [self.grid.x_axis, self.grid.y_axis], path_m, rate)
+            noise.track.locate(image_m, axes, path_m, rate)
         };
-        let position = place(velocity, path_m);
-        // Resolution and SNR determine the error of the path; the errors of the velocity and of the place in the image move the position along the track.
-        let cell_m = self.range_cell_m();
-        let above = powers.iter().filter(|&&power| power > least);
-        let energy = above.sum::<f64>() / map.cell_pixels;
-        let noise = self.range_deviation() / energy.max(strongest).sqrt();
-        let path_error_m = 2.0 * cell_m * libm::hypot(noise, PLACE_CELLS);
+        let position = place(image_m, velocity);
+        let mut in_image = noise.covariance(&echoes, |p| factors[p]);
+        for axis in [0, 1] {
+            in_image[axis][axis] += sampling[axis].powi(2);
+        }
         let covariances = position.and_then(|position| {
-            let ends = [
-                place(velocity + deviation, path_m)?,
-                place(velocity, path_m + path_error_m)?,
+            let moved = |place: DVec3| axes.map(|axis| (place - position).dot(axis));
+            let of_velocity = moved(place(image_m, velocity + deviation)?);
+            let pixels_m = self.pixel_steps_m(row, column);
+            let of_pixel = [
+                moved(place(image_m + pixels_m[0], velocity)?),
+                moved(place(image_m + pixels_m[1], velocity)?),
             ];
-            let [velocity_m, path_m] = ends.map(|end| end - position);
-            let image_m = along * (EXTENT_DEVIATION * (extent_m + self.azimuth_cell_m(image_m)));
-            let errors = [velocity_m, path_m, image_m]
-                .map(|moved| [moved.dot(self.grid.x_axis), moved.dot(self.grid.y_axis)]);
-            let sum = |i: usize, j: usize| errors.iter().map(|e| e[i] * e[j]).sum();
+            let sum = |i: usize, j: usize| {
+                let terms = [[0, 0], [0, 1], [1, 0], [1, 1]];
+                let terms = terms.map(|[a, b]| of_pixel[a][i] * in_image[a][b] * of_pixel[b][j]);
+                of_velocity[i] * of_velocity[j] + terms.iter().sum::<f64>()
+            };
             let matrix = [[sum(0, 0), sum(0, 1)], [sum(1, 0), sum(1, 1)]];
-            Some((matrix, errors[0].map(|e| e * deviation)))
+            Some((matrix, of_velocity.map(|moved_m| moved_m * deviation)))
         });
         Ok(Target {
             time_s: self.alignment.centre_s(),
@@ -327,6 +377,13 @@ impl Estimator<'_> {
         near + next(r + 1, c) * row.fract() + next(r, c + 1) * column.fract()
     }
 
+    /// Distances of the pixels at fractional pixels, along a column and along a row.
+    fn pixel_steps_m(&self, row: f64, column: f64) -> [DVec3; 2] {
+        let (r, c) = (row as usize, column as usize);
+        let near = self.grid.position_m(r, c);
+        [[r + 1, c], [r, c + 1]].map(|[r, c]| self.grid.position_m(r, c) - near)
+    }
+
     /// Resolution along the track at a position, metres: `lambda R / (2 V T)`.
     fn azimuth_cell_m(&self, position_m: DVec3) -> f64 {
         let wavelength_m = SPEED_OF_LIGHT_M_S / self.images.centre_hz;
@@ -340,26 +397,18 @@ impl Estimator<'_> {
         let bandwidth_hz = self.collection.num_samples as f64 * step_hz;
         SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz)
     }
-
-    /// Standard deviation of a range, in resolution cells at an SNR of 1.
-    fn range_deviation(&self) -> f64 {
-        let fast = &self.images.weights[0].fast;
-        let [own, squared] = moments(fast, |k| TAU * k as f64 / fast.len() as f64);
-        (squared / 2.0).sqrt() / own
-    }
 }
 
-/// Range and Doppler lines of a target: intervals of its paths and path rates, and its SNR.
+/// Range and Doppler lines of a target: intervals of its paths and path rates.
 struct Lines {
     paths_m: [f64; 2],
     rates: [f64; 2],
     cells: [f64; 2],
-    snr: f32,
 }
 
 impl Lines {
     /// Lines of pixels with these paths and rates. `cells` are the resolution cells of both.
-    fn around(pixels: impl Iterator<Item = (f64, f64)>, cells: [f64; 2], snr: f32) -> Self {
+    fn around(pixels: impl Iterator<Item = (f64, f64)>, cells: [f64; 2]) -> Self {
         let empty = [f64::INFINITY, f64::NEG_INFINITY];
         let wider = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
         let (paths_m, rates) = pixels.fold((empty, empty), |(paths_m, rates), (path_m, rate)| {
@@ -369,17 +418,20 @@ impl Lines {
             paths_m,
             rates,
             cells,
-            snr,
         }
     }
 
-    /// Whether a pixel of this SNR may be a side lobe: on the Doppler line by the window over frequency, or on the range line by that over slow time.
-    fn mask(&self, (path_m, rate): (f64, f64), snr: f32, [fast, slow]: [f32; 2]) -> bool {
+    /// Least ratio of the target's power to that of its side lobe at this path and rate: by the window over frequency on the Doppler line, and by that over slow time on the range line. `None` on neither.
+    fn least_ratio(&self, (path_m, rate): (f64, f64), [fast, slow]: [f64; 2]) -> Option<f64> {
         let outside = |[low, high]: [f64; 2], value: f64| (low - value).max(value - high).max(0.0);
         let range = outside(self.paths_m, path_m) / self.cells[0];
         let doppler = outside(self.rates, rate) / self.cells[1];
-        let level = |cells: f64| (cells / LEVEL_CELLS).max(1.0).sqrt() as f32;
-        (doppler <= LINE_CELLS && self.snr >= fast * level(range) * snr)
-            || (range <= LINE_CELLS && self.snr >= slow * level(doppler) * snr)
+        let level = |cells: f64| (cells / LEVEL_CELLS).max(1.0).sqrt();
+        let of_range = (doppler <= LINE_CELLS).then(|| fast * level(range));
+        let of_doppler = (range <= LINE_CELLS).then(|| slow * level(doppler));
+        [of_range, of_doppler]
+            .into_iter()
+            .flatten()
+            .reduce(f64::min)
     }
 }

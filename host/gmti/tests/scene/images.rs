@@ -239,7 +239,7 @@ fn false_alarms_have_the_requested_probability() {
         let map = detect(&found.images, &found.alignment, &settings).unwrap();
         let count = map.detected.iter().filter(|&&detected| detected).count();
         let measured = count as f64 / map.detected.len() as f64;
-        // Of 12000 independent cells: a standard deviation of 9 %.
+        // Of 9200 independent cells: a standard deviation of 10 %.
         let ratio = measured / settings.false_alarm_probability;
         println!(
             "{} channels: {ratio:.3} of the requested probability",
@@ -337,6 +337,27 @@ fn slow_movers(random: &mut Uniform, ranges_m: impl Iterator<Item = f64>) -> Vec
     ranges_m.map(mover).collect()
 }
 
+/// Random movers at ranges apart, so that no target is on the range line of another.
+fn movers_at_ranges_apart(random: &mut Uniform) -> Vec<Truth> {
+    slow_movers(random, (0..8).map(|i| -52.0 + 14.0 * f64::from(i)))
+}
+
+/// Targets of 42 to 55 dB over the noise. Other targets in their training cells lower the SNR of the map by up to 21 dB, but not that of all side lobes.
+#[test]
+fn side_lobes_of_targets_near_strong_ones_are_left_out() {
+    let mut random = Uniform(1);
+    let movers = (0..13).map(|_| movers_at_ranges_apart(&mut random)).last();
+    let movers = movers.unwrap();
+    let scenario = scenario_of_movers(112, &movers, &THREE, 0.0);
+    let channels = recorded(&scenario.experiment().unwrap());
+    let found = targets(&channels).unwrap();
+    println!("{} side lobes", found.side_lobes);
+    let mut counts = counts();
+    counts.add(0, &movers, &found.targets, errors_of);
+    counts.assert_detected(100, 0);
+    assert!(found.side_lobes > 0);
+}
+
 /// Scenes with random movers: probability of detection, false targets, and errors in units of the stated standard deviations. Number of scenes:
 /// `SUBAPERTURE_SCENES`, 2 if it is not set.
 #[test]
@@ -346,16 +367,15 @@ fn errors_of_random_movers_are_within_their_covariances() {
     let mut counts = counts();
     for seed in 0..scenes {
         let noise_db = [0.0, 10.0, 20.0][seed as usize % 3];
-        // Ranges apart, so that no target is on the range line of another.
-        let movers = slow_movers(&mut random, (0..8).map(|i| -52.0 + 14.0 * f64::from(i)));
+        let movers = movers_at_ranges_apart(&mut random);
         let scenario = scenario_of_movers(100 + seed, &movers, &THREE, noise_db);
         let channels = recorded(&scenario.experiment().unwrap());
         let found = targets(&channels).unwrap();
         counts.add(seed, &movers, &found.targets, errors_of);
     }
     counts.assert_covered();
-    // Targets on the line of a much stronger one are taken for its side lobes; side lobes of strong targets add to noise.
-    counts.assert_detected(99, scenes);
+    // Targets on the line of a much stronger one are taken for its side lobes. 9,200 cells with a false alarm probability of 1e-6 have 0.009 false targets in a scene; more on the range lines of strong targets, whose side lobes add to noise.
+    counts.assert_detected(99, scenes.div_ceil(10));
 }
 
 /// Grid within a strip. A scatterer of 0.3 m/s, three standard deviations, appears 12 m from its place: clutter that ended at the edge of the grid would have a mean velocity there.
