@@ -121,6 +121,38 @@ impl Adapter {
         })
     }
 
+    /// Check the size of a buffer; `purpose` begins the message of the error, such as "the values of a map take".
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the buffer would be too large.
+    pub(crate) fn fits(&self, purpose: &str, bytes: u64) -> Result<(), DeviceError> {
+        let most = self.binding_bytes;
+        match bytes <= most {
+            true => Ok(()),
+            false => Err(DeviceError::new(
+                &self.name,
+                format!("{purpose} {bytes} bytes, more than the {most} of its largest buffer"),
+            )),
+        }
+    }
+
+    /// Bind buffers to the bindings of a pipeline.
+    pub(crate) fn bind<'b>(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        buffers: impl Iterator<Item = (u32, &'b wgpu::Buffer)>,
+    ) -> wgpu::BindGroup {
+        let entries = buffers.map(|(binding, buffer)| wgpu::BindGroupEntry {
+            binding,
+            resource: buffer.as_entire_binding(),
+        });
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries.collect::<Vec<_>>(),
+        })
+    }
+
     /// Storage buffer with these contents.
     pub(crate) fn storage(&self, bytes: &[u8]) -> wgpu::Buffer {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;

@@ -23,7 +23,7 @@ impl<'a> MapSums<'a> {
         lines: usize,
     ) -> Result<Self, DeviceError> {
         let bytes = 8 * (stations * pixel_stride(lines)) as u64;
-        fits(gpu, "the pixels of a patch", bytes)?;
+        gpu.fits("the pixels of a patch take", bytes)?;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
         let pixels = gpu.buffer(bytes, usage);
         gpu.check()?;
@@ -33,18 +33,6 @@ impl<'a> MapSums<'a> {
             lines,
             pixels,
         })
-    }
-}
-
-/// Check the size of a buffer.
-fn fits(gpu: &Adapter, purpose: &str, bytes: u64) -> Result<(), DeviceError> {
-    let most = gpu.binding_bytes;
-    match bytes <= most {
-        true => Ok(()),
-        false => Err(DeviceError::new(
-            &gpu.name,
-            format!("{purpose} take {bytes} bytes, more than the {most} of its largest buffer"),
-        )),
     }
 }
 
@@ -81,7 +69,7 @@ impl PatchSums for MapSums<'_> {
     fn add(&mut self, map: &PatchMap) -> Result<(), DeviceError> {
         let (gpu, reading) = (self.gpu, map.reading);
         let bins = map.values.len() / 2 / map.range_bins;
-        fits(gpu, "the values of a map", size_of_val(map.values) as u64)?;
+        gpu.fits("the values of a map take", size_of_val(map.values) as u64)?;
         let line_step = 2.0 / (self.lines.max(2) - 1) as f64;
         let [low, high] = reading.clamp;
         let sizes = [
@@ -125,23 +113,15 @@ impl PatchSums for MapSums<'_> {
         ];
         // Buffers that each step uses, and its invocations.
         let steps = [
-            (&[0, 1, 2, 3, 5][..], [bins, self.lines]),
+            (&[0u32, 1, 2, 3, 5][..], [bins, self.lines]),
             (&[0, 1, 4, 5, 6][..], [self.lines, self.stations]),
         ];
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         for (pipeline, (used, counts)) in gpu.map_pipelines.iter().zip(steps) {
-            let entries: Vec<_> = used
+            let used = used
                 .iter()
-                .map(|&binding| wgpu::BindGroupEntry {
-                    binding: binding as u32,
-                    resource: buffers[binding].as_entire_binding(),
-                })
-                .collect();
-            let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &entries,
-            });
+                .map(|&binding| (binding, buffers[binding as usize]));
+            let bind_group = gpu.bind(pipeline, used);
             let [across, down] = counts.map(|count| count.div_ceil(GROUP) as u32);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(pipeline);

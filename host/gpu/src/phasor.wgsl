@@ -21,4 +21,3 @@ fn phasor(cycles: f32) -> vec2<f32> {
     cosine = fma(cosine, s, 1.0);
     return vec2<f32>(cosine, sine * cycles);
 }
-

@@ -37,6 +37,12 @@ fn polynomial(terms: vec4<f32>, x: f32) -> f32 {
     return fma(x, fma(x, fma(x, terms.w, terms.z), terms.y), terms.x);
 }
 
+// Polynomial of five terms.
+fn quartic(terms: vec4<u32>, last: u32, x: f32) -> f32 {
+    let s = x * x;
+    return fma(s, s * bitcast<f32>(last), polynomial(bitcast<vec4<f32>>(terms), x));
+}
+
 // Even and odd part of the weight of a tap at the fraction `u`, minus a half; the mirrored tap has their difference.
 fn parts(tap: u32, u: f32) -> vec2<f32> {
     let s = u * u;
@@ -52,8 +58,7 @@ fn in_range(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let curve = curves[line];
     let at = clamp(f32(sizes.first_bin + i32(bin)) * sizes.bin_scale, sizes.low, sizes.high);
-    let first_terms = bitcast<vec4<f32>>(vec4<u32>(curve[1], curve[2], curve[3], curve[4]));
-    let above = fma(at * at, at * at * bitcast<f32>(curve[5]), polynomial(first_terms, at)) - 0.5;
+    let above = quartic(vec4<u32>(curve[1], curve[2], curve[3], curve[4]), curve[5], at) - 0.5;
     let whole = round(above);
     let u = above - whole;
     let period = i32(sizes.range_bins);
@@ -80,8 +85,7 @@ fn in_doppler(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let own = stations[station];
     let at = fma(f32(line), sizes.line_step, -1.0);
-    let first_terms = bitcast<vec4<f32>>(vec4<u32>(own[1], own[2], own[3], own[4]));
-    let above = fma(at * at, at * at * bitcast<f32>(own[5]), polynomial(first_terms, at)) - 0.5;
+    let above = quartic(vec4<u32>(own[1], own[2], own[3], own[4]), own[5], at) - 0.5;
     let whole = round(above);
     let u = above - whole;
     let first = u32(bitcast<i32>(own[0]) - sizes.first_bin + i32(whole) - i32(DOPPLER_TAPS / 2u - 1u));

@@ -116,18 +116,7 @@ impl<'a> Sums<'a> {
             &headers,
             &self.parts[part].sums,
         ];
-        let entries = bound
-            .iter()
-            .zip(0..)
-            .map(|(buffer, binding)| wgpu::BindGroupEntry {
-                binding,
-                resource: buffer.as_entire_binding(),
-            });
-        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries.collect::<Vec<_>>(),
-        });
+        let bind_group = gpu.bind(pipeline, (0..).zip(bound));
         let groups = |axis: usize| {
             let sides = tiles.iter().map(|&tile| sizes[tile][axis]);
             sides.max().unwrap_or(0).div_ceil(GROUP) as u32
@@ -157,15 +146,8 @@ impl TileSums for Sums<'_> {
     fn load(&mut self, block: &ProfileBlock) -> Result<(), DeviceError> {
         let (gpu, pulses) = (self.gpu, block.carriers.len());
         let bytes: &[u8] = cast_slice(block.profiles);
-        let (size, most) = (bytes.len() as u64, gpu.binding_bytes);
-        if size > most {
-            return Err(DeviceError::new(
-                &gpu.name,
-                format!(
-                    "the profiles of {pulses} pulses take {size} bytes, more than the {most} of its largest buffer"
-                ),
-            ));
-        }
+        let size = bytes.len() as u64;
+        gpu.fits(&format!("the profiles of {pulses} pulses take"), size)?;
         if self.profiles.as_ref().is_none_or(|own| own.size() < size) {
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
             self.profiles = Some(gpu.buffer(size, usage));

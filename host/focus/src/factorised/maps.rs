@@ -400,8 +400,10 @@ impl MapScratch {
             None => None,
         };
         self.pixels.clear();
-        self.pixels
-            .resize(2 * stations * patch_map::pixel_stride(lines), 0.0);
+        if sums.is_none() {
+            let count = 2 * stations * patch_map::pixel_stride(lines);
+            self.pixels.resize(count, 0.0);
+        }
         for map in &maps.parts {
             let [over_rows, over_columns] =
                 [map.sizes.over_rows, map.sizes.over_columns].map(|n| kernels.transform(n));
