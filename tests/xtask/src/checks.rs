@@ -1,5 +1,6 @@
 //! Checks other than tests: format, lints, documentation, dependencies.
 
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use subaperture_xtask::firmware::{self, TARGET};
@@ -112,16 +113,12 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
 
 /// The radio's binding to UHD, and the stand-in for UHD in its tests.
 pub(crate) fn clippy_uhd(runner: &mut Runner) {
-    let mut command = cargo(&["clippy", "--package", "subaperture-radio", "--locked"]);
-    command.args(["--package", "subaperture-uhd-stand-in", "--all-targets"]);
-    let binding = "subaperture-uhd-stand-in/uhd";
-    command.args(["--features", binding, "--", "-D", "warnings"]);
-    runner.check("clippy, radio by UHD", &mut command);
     let mut command = cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]);
     let features = format!("{UHD},subap/gpu");
-    command.args(["--bin", "subap", "--features", &features, "--locked"]);
+    command.args(["--bin", "subap", "--test", "uhd", "--test", "radio"]);
+    command.args(["--features", &features, "--locked"]);
     runner.check(
-        "clippy, command by UHD and GPU",
+        "clippy, radio and command by UHD and GPU",
         command.args(["--", "-D", "warnings"]),
     );
     let mut command = cargo(&["doc", "--package", "subaperture-radio", "--no-deps"]);
@@ -179,6 +176,11 @@ pub(crate) fn oldest_rust(runner: &mut Runner) {
     runner.check(name, &mut command);
 }
 
+/// Target folder of builds for other platforms, which share macros and build scripts.
+pub(crate) fn other_platforms() -> PathBuf {
+    target_folder().join("platforms")
+}
+
 /// Check library and command for the platforms that no test runs on. The feature `uhd` is left out: it links a C library.
 pub(crate) fn platforms(runner: &mut Runner) {
     for (name, need) in ["Windows", "macOS"].into_iter().zip(OTHER_PLATFORMS) {
@@ -193,7 +195,7 @@ pub(crate) fn platforms(runner: &mut Runner) {
         command
             .args(["--package", "subaperture", "--package", "subap"])
             .args(["--features", "subaperture/full", "--target-dir"])
-            .arg(target_folder().join("platforms"));
+            .arg(other_platforms());
         runner.check(name, &mut command);
     }
 }

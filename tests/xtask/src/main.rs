@@ -147,7 +147,7 @@ fn main() -> ExitCode {
         }
         ["unit"] => {
             let python = python(Talk::Shown);
-            unit(&mut runner, python);
+            unit(&mut runner, python, |_| {});
             Ok(())
         }
         ["wasm"] => ensure(&WASM, Talk::Shown).map(|()| {
@@ -219,10 +219,14 @@ fn test(runner: &mut Runner) -> Result<(), String> {
         )
         .map(|()| python(Talk::OfFailure))
     });
-    // Steps with their own target folders run in a second thread: one build leaves processors idle where it waits for one crate.
+    // Steps with their own target folders run in other threads: one build leaves processors idle where it waits for one crate.
+    let firmware = thread::spawn(|| {
+        let mut firmware = Runner::new(Talk::OfFailure);
+        checks::build_firmware(&mut firmware);
+        firmware
+    });
     let second = thread::spawn(|| {
         let mut second = Runner::new(Talk::OfFailure);
-        checks::build_firmware(&mut second);
         checks::oldest_rust(&mut second);
         checks::platforms(&mut second);
         wasm::clippy(&mut second);
@@ -246,17 +250,21 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     checks::clippy_host(runner);
     checks::clippy_core(runner);
     checks::clippy_library(runner);
+    let python = installation.join().expect("installing does not panic")?;
     checks::packages(runner);
     checks::doc_host(runner);
+    // Tests of the command wait for one process at a time, and other threads use the other processors.
+    suite::hardware(runner);
     checks::clippy_firmware(runner);
     checks::doc_firmware(runner);
-    let python = installation.join().expect("installing does not panic")?;
     checks::deny(runner);
     suite::kernels_elsewhere(runner);
-    suite::hardware(runner);
-    runner.add_all(second.join().expect("checking does not panic"));
-    // The firmware's test is one of these.
-    unit(runner, python);
+    // The firmware's test is one of these. Firmware and web page are needed when they run.
+    unit(runner, python, |runner| {
+        for thread in [firmware, second] {
+            runner.add_all(thread.join().expect("checking does not panic"));
+        }
+    });
     runner.work("guide", guide::build);
     Ok(())
 }
@@ -269,8 +277,8 @@ fn python(talk: Talk) -> Result<PathBuf, String> {
     }
 }
 
-/// Run the tests, with sarkit if available; without it they still run, but that counts as a failure.
-fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
+/// Run the tests, with sarkit if available; without it they still run, but that counts as a failure. `built` is called before they start.
+fn unit(runner: &mut Runner, python: Result<PathBuf, String>, built: impl FnOnce(&mut Runner)) {
     let python = python.inspect_err(|error| {
         eprintln!("{error}");
         runner.fail(
@@ -278,7 +286,7 @@ fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
             "let pip reach PyPI, or set SUBAPERTURE_PYTHON to a Python that imports sarkit, rio_cogeo and stanag4607",
         );
     });
-    suite::all(runner, python.ok().as_deref());
+    suite::all(runner, python.ok().as_deref(), built);
 }
 
 /// Tasks that need the library.

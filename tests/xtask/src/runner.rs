@@ -114,16 +114,20 @@ impl Runner {
         self.record(name, passed, start);
     }
 
-    /// Build test executables with `command` and run them, several at once, each modified by `prepare`; count and collect as in
-    /// [`Self::tests`].
+    /// Build test executables with `command`, call `built`, and run them, several at once, each modified by `prepare`; count and collect as
+    /// in [`Self::tests`].
     pub(crate) fn executables(
         &mut self,
         name: &'static str,
         command: &mut Command,
+        built: impl FnOnce(&mut Self),
         prepare: impl Fn(&mut Command) + Sync,
     ) {
         let start = announce(name, command);
-        let found = match executables::build(command) {
+        let found = executables::build(command);
+        let build_s = start.elapsed().as_secs_f64();
+        built(self);
+        let found = match found {
             Ok(found) => found,
             Err(message) => {
                 eprintln!("{message}");
@@ -132,8 +136,7 @@ impl Runner {
             }
         };
         let mut all_passed = true;
-        let built = start.elapsed().as_secs_f64();
-        println!("{} executables, built in {built:.1} s", found.len());
+        println!("{} executables, built in {build_s:.1} s", found.len());
         executables::run_all(
             found,
             prepare,
@@ -209,7 +212,7 @@ impl Runner {
         match self.talk {
             Talk::Shown => println!("    {} in {seconds:.1} s", word(outcome)),
             Talk::OfFailure => println!(
-                "    {name}, in the second thread: {} in {seconds:.1} s",
+                "    {name}, in another thread: {} in {seconds:.1} s",
                 word(outcome)
             ),
         }

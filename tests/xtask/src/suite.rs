@@ -12,13 +12,13 @@ use crate::runner::Runner;
 /// Without it a passing test cannot report that it skipped something.
 const SHOW_OUTPUT: &str = "--show-output";
 
-/// All tests of core, host and tests, including doc tests. `python` is an interpreter with sarkit.
-pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
+/// All tests of core, host and tests, including doc tests. `python` is an interpreter with sarkit; `built` is called before the tests start.
+pub(crate) fn all(runner: &mut Runner, python: Option<&Path>, built: impl FnOnce(&mut Runner)) {
     const PACKAGES: [&str; 4] = ["test", "--workspace", "--exclude", "subaperture-firmware"];
     let mut build = cargo(&PACKAGES);
     build.args(["--no-run", "--locked"]);
     build.arg("--message-format=json-render-diagnostics");
-    runner.executables("tests", &mut build, |command| {
+    runner.executables("tests", &mut build, built, |command| {
         match python {
             Some(python) => command.env("SUBAPERTURE_PYTHON", python),
             // The variable is set, but its Python lacks packages.
@@ -65,7 +65,7 @@ pub(crate) fn hardware(runner: &mut Runner) {
     }
 }
 
-/// The radio's binding to UHD; false without UHD.
+/// Lints and documentation of the radio's binding to UHD; false without UHD.
 fn binding(runner: &mut Runner) -> bool {
     const NAME: &str = "radio by UHD";
     if !Need::Uhd.is_met() {
@@ -73,11 +73,6 @@ fn binding(runner: &mut Runner) -> bool {
         return false;
     }
     clippy_uhd(runner);
-    let mut command = cargo(&["test", "--package", "subaperture-radio"]);
-    command.args(["--features", "uhd", "--lib", "--no-fail-fast", "--locked"]);
-    // Dependencies have other features in the build of one package, so all are compiled again. These tests compute little, so they are not optimised.
-    command.args(["--config", "profile.dev.opt-level=0"]);
-    runner.tests(NAME, command.args(["--", SHOW_OUTPUT]));
     true
 }
 
@@ -129,7 +124,7 @@ pub(crate) fn firmware(runner: &mut Runner) {
     let mut build = cargo(&["test", "--package", "subaperture-tests"]);
     build.args(["--test", "firmware", "--no-run", "--locked"]);
     build.arg("--message-format=json-render-diagnostics");
-    runner.executables("firmware", &mut build, |_| {});
+    runner.executables("firmware", &mut build, |_| {}, |_| {});
 }
 
 /// The kernels' tests in NEON, on an emulated processor.

@@ -1,7 +1,7 @@
 //! The web page that forms images: `cargo xtask wasm` writes `target/wasm`.
 //!
-//! The package `subaperture-wasm` is built for WebAssembly in target folders of its own, wasm-bindgen's tool writes each module with its
-//! JavaScript, and the page's files are copied next to them. The page loads one of the modules.
+//! The package `subaperture-wasm` is built for WebAssembly in a target folder shared with checks for other platforms, wasm-bindgen's tool
+//! writes each module with its JavaScript, and the page's files are copied next to them. The page loads one of the modules.
 
 use std::fs;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use subaperture_xtask::{root, target_folder};
 
-use crate::checks::cargo;
+use crate::checks::{cargo, other_platforms};
 use crate::prerequisites::{WASM_TARGET, wasm_bindgen};
 use crate::runner::Runner;
 
@@ -41,7 +41,7 @@ pub(crate) fn build_tests() -> Result<(), String> {
     let mut command = cargo(&["test", "--no-run", "--locked", "--lib"]);
     command.args(["--package", "subaperture-kernels", "--target", WASM_TARGET]);
     command.args(["--target-dir"]);
-    command.arg(target_folder().join("wasm-build").join(name));
+    command.arg(other_platforms());
     command.args(["--message-format", "json-render-diagnostics"]);
     // These tests do not run the transforms, so dependencies are not optimised.
     for package in ["\"*\"", "subaperture-fft", "subaperture-signal"] {
@@ -76,8 +76,9 @@ pub(crate) fn build() -> Result<(), String> {
     if page().exists() {
         fs::remove_dir_all(page()).map_err(|error| format!("{}: {error}", page().display()))?;
     }
+    // Cargo keeps libraries with other flags apart, and links the module again; macros and build scripts are compiled once for all.
+    let folder = other_platforms();
     for (name, flags) in MODULES {
-        let folder = target_folder().join("wasm-build").join(name);
         let mut command = cargo(&["build", "--quiet", "--locked", "--profile", "wasm"]);
         command.args(PACKAGE).arg("--target-dir").arg(&folder);
         succeed(command.env(FLAGS, flags))?;
@@ -118,7 +119,7 @@ fn succeed(command: &mut Command) -> Result<(), String> {
 pub(crate) fn clippy(runner: &mut Runner) {
     let mut command = cargo(&["clippy", "--locked"]);
     command.args(PACKAGE).arg("--target-dir");
-    command.arg(target_folder().join("wasm-build/relaxed"));
+    command.arg(other_platforms());
     command.env(FLAGS, MODULES[1].1);
     command.args(["--package", "subaperture-kernels"]);
     runner.check(
