@@ -13,7 +13,7 @@
 //! **Predicted error.** The planned error does not hold where terms cancel: next to a bright scatterer outside the grid errors cancel less than
 //! the scatterer's side lobes do. So every image is compared with the exact sum ([`Exact`](super::exact::Exact)'s) at 64 pixels spread
 //! evenly, as the pulses are read, and at 64 more drawn by the image's own power, in a second pass over the pulses
-//! (`second_look.rs`). With `E` the upper limit of the estimated sum of squared errors, `M` the image's mean square over its `N` pixels,
+//! (`second_look.rs`); 256 where the estimate from 64 keeps the bound but its upper limit does not. With `E` the upper limit of the estimated sum of squared errors, `M` the image's mean square over its `N` pixels,
 //!
 //! ```text
 //! predicted^2 = max(planned^2, E / (N M) + e^2 T / M + s^2 S / (N M))
@@ -52,9 +52,10 @@ use super::budget::Budget;
 use super::compared::{self, Compared, Planned};
 use super::cost::StageCost;
 use super::coverage::{self, Coverage};
+use super::drawn::MOST_DRAWS;
 use super::goal::{BoundPolicy, ErrorGoal, Settings, misses, note_error};
 use super::sampled::{Probes, TileRecord};
-use super::second_look::{Estimate, add_all, look_again, look_at_all};
+use super::second_look::{DRAWS, Estimate, add_all, look_again, look_at_all};
 use super::{
     Decision, FormError, Formed, ImageFormer, ImageSpec, Reason, Remedy, Task, Tile, Work, dark,
     rounding, second_look, sweep,
@@ -284,7 +285,7 @@ pub fn comparison_cost(spec: &ImageSpec) -> StageCost {
 /// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than expected ([`Compared::expected`]), and the
 /// expected error plus the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
 /// in addition to echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
-/// overlaps. A second pass reads all pulses of `history` again. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
+/// overlaps. A second pass reads all pulses of `history` again, and so does a third with more pixels. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
 ///
 /// # Errors
 /// [`FormError::Read`]; [`FormError::Cancelled`]; [`FormError::Sink`] if the image cannot be read.
@@ -312,12 +313,23 @@ pub(super) fn judge_again(
     if settled || compared.count == compared.total {
         return Ok(judgement);
     }
-    let again = look_again(spec, history, records, monitor)?;
-    let judgement = judge(spec, records, planned, again);
+    let again = look_again(spec, history, records, DRAWS, monitor)?;
+    let mut judgement = judge(spec, records, planned, again);
+    let keeps_itself = |estimate: &Estimate, bound_db: f64| {
+        estimate.error <= power(bound_db) * records.iter().map(|r| r.power).sum::<f64>()
+    };
+    // An estimate that keeps the bound without its upper limit is repeated with more pixels, which takes less time than another image.
+    if judgement.next_plan_db(goal).is_some()
+        && again
+            .as_ref()
+            .zip(goal.bound_db)
+            .is_some_and(|(estimate, bound_db)| keeps_itself(estimate, bound_db))
+    {
+        let more = look_again(spec, history, records, MOST_DRAWS, monitor)?;
+        judgement = judge(spec, records, planned, more);
+    }
     // A small image is refused for actual errors only, not for possible ones.
-    let image = image.filter(|_| {
-        judgement.next_plan_db(goal).is_some() && judgement.num_sampled < compared.total
-    });
+    let image = image.filter(|_| judgement.next_plan_db(goal).is_some());
     match image {
         Some(image) => {
             let all = look_at_all(spec, history, image, monitor)?;

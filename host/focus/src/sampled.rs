@@ -86,7 +86,7 @@ pub struct ComparedPixel {
     pub formed: [f32; 2],
     /// Real and imaginary part of the exact sum.
     pub exact: [f64; 2],
-    /// Mean power of the formed pixels around this one.
+    /// Mean power of the formed pixels around this one, plus that of the tile.
     #[serde(default)]
     pub about: f64,
 }
@@ -126,9 +126,9 @@ struct Sums {
     pulses: Range<usize>,
 }
 
-/// Number of pulses above which levels are measured in one of several pulses, and the number of pulses that share them.
-const MANY_PULSES: usize = 512;
-const LEVELS_SHARED: usize = 4;
+/// Minimum number of pulses whose levels are measured, where there are more, and largest number of pulses that share levels.
+const MEASURED_PULSES: usize = 128;
+const MOST_SHARED: usize = 16;
 
 /// Sample levels of one pulse, without its slow-time weight.
 #[derive(Clone, Copy, Debug, Default)]
@@ -320,13 +320,11 @@ impl<'a> Probes<'a> {
     /// Pulse whose levels represent those of pulse `n`.
     fn measured(&self, n: usize) -> usize {
         let count = self.spec.collection.pulses.len();
-        if count < MANY_PULSES {
-            return n;
-        }
-        let group = n / LEVELS_SHARED;
+        let shared = (count / MEASURED_PULSES).clamp(1, MOST_SHARED);
+        let group = n / shared;
         // Another place in each group, so that a period of the pulses is not mistaken for their level.
-        let place = (group as f64 * GOLDEN).fract() * LEVELS_SHARED as f64;
-        (group * LEVELS_SHARED + place as usize).min(count - 1)
+        let place = (group as f64 * GOLDEN).fract() * shared as f64;
+        (group * shared + place as usize).min(count - 1)
     }
 
     /// Exact sums of all pulses, normalised like pixels; `None` if a pulse is missing.
@@ -414,6 +412,8 @@ impl<'a> Probes<'a> {
     /// Record of a `tile` without the exact sums.
     pub(super) fn pending(&self, tile: &Tile) -> TileRecord {
         let columns = self.spec.grid.columns.count;
+        let drawn = SampledPixels::of(tile, columns);
+        let mean = drawn.mean(tile.pixels.len());
         let seen = self.pixels.iter().filter_map(|&pixel| {
             let (row, column) = (pixel / columns, pixel % columns);
             let formed = tile.at(row, column)?;
@@ -422,7 +422,7 @@ impl<'a> Probes<'a> {
                 pixel,
                 formed: [formed.re, formed.im],
                 exact: [0.0; 2],
-                about: power_about(tile, row - place.row, column - place.column),
+                about: power_about(tile, row - place.row, column - place.column) + mean,
             })
         });
         TileRecord {
@@ -431,7 +431,7 @@ impl<'a> Probes<'a> {
             terms: 0.0,
             recorded: Default::default(),
             narrow: self.narrow,
-            drawn: SampledPixels::of(tile, columns),
+            drawn,
             pending: true,
         }
     }

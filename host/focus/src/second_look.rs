@@ -1,8 +1,8 @@
-//! Second comparison with the exact sum, at pixels drawn in proportion to local power.
+//! Second comparison with the exact sum, at pixels drawn by local power.
 //!
 //! Evenly spread pixels miss an error concentrated in few pixels: a side lobe of a scatterer just outside the grid, or a bright point on a
 //! dark background. Such errors lie where the image has its power, and the image is known once it is formed. An equal number of pixels
-//! is therefore drawn, each with a probability proportional to the mean power `q` of its 3 x 3 neighbourhood. With `m` of
+//! is therefore drawn, each with a probability proportional to `q`, the mean power of its 3 x 3 neighbourhood and of the image together. With `m` of
 //! `N` pixels spread evenly and `k` drawn, a pixel is expected `d = m / N + k q / sum(q)` times in both sets together, and
 //!
 //! ```text
@@ -19,13 +19,16 @@
 use num_complex::{Complex32, Complex64};
 
 use super::cost::{StageCost, transform};
-use super::drawn::DRAWS;
+use super::drawn::MOST_DRAWS;
 use super::sampled::{ComparedPixel, Probes, TileRecord, sampled_pixels};
 use super::stages::SAMPLES;
 use super::{FormError, ImageSpec, Tile};
 use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
+
+/// Number of drawn pixels compared at first.
+pub(super) const DRAWS: usize = MOST_DRAWS / 4;
 
 /// Standard deviations between the estimate and its upper limit.
 const DEVIATIONS: f64 = 3.0;
@@ -54,7 +57,7 @@ impl Estimate {
     }
 }
 
-/// Compare drawn pixels of all tiles with the exact sum in another pass over `history`, and estimate the image
+/// Compare `draws` pixels drawn from all tiles, at most [`MOST_DRAWS`], with the exact sum in another pass over `history`, and estimate the image
 /// error from these and the evenly spread pixels. `None` if every pixel was compared already or no pixel was drawn.
 ///
 /// # Errors
@@ -63,12 +66,13 @@ pub(super) fn look_again(
     spec: &ImageSpec,
     history: &dyn PhaseHistory,
     records: &[TileRecord],
+    draws: usize,
     monitor: &dyn Monitor,
 ) -> Result<Option<Estimate>, FormError> {
     let total = spec.grid.num_pixels() as usize;
     let spread: Vec<&ComparedPixel> = records.iter().flat_map(|record| &record.seen).collect();
     let power: f64 = records.iter().map(|record| record.drawn.power).sum();
-    let chosen = choose(records, power);
+    let chosen = choose(records, power, draws);
     if spread.len() == total || chosen.is_empty() {
         return Ok(None);
     }
@@ -104,16 +108,16 @@ pub(super) fn look_again(
     }))
 }
 
-/// Select [`DRAWS`] of the drawn pixels by each tile's share of the total power.
-fn choose(records: &[TileRecord], power: f64) -> Vec<(usize, [f32; 2], f64)> {
-    let mut chosen = Vec::with_capacity(DRAWS);
+/// Select `draws` of the drawn pixels by each tile's share of the total power.
+fn choose(records: &[TileRecord], power: f64, draws: usize) -> Vec<(usize, [f32; 2], f64)> {
+    let mut chosen = Vec::with_capacity(draws);
     if !(power > 0.0 && power.is_finite()) {
         return chosen;
     }
-    let step = power / DRAWS as f64;
+    let step = power / draws as f64;
     let (mut before, mut next) = (0.0, 0.5 * step);
     for drawn in records.iter().map(|record| &record.drawn) {
-        while next < before + drawn.power && chosen.len() < DRAWS && !drawn.pixels.is_empty() {
+        while next < before + drawn.power && chosen.len() < draws && !drawn.pixels.is_empty() {
             let place = (next - before) / drawn.power * drawn.pixels.len() as f64;
             chosen.push(drawn.pixels[(place as usize).min(drawn.pixels.len() - 1)]);
             next += step;
@@ -262,9 +266,9 @@ mod tests {
         };
         let records = [record(1.0), record(0.0), record(3.0)];
         let power = records.iter().map(|record| record.drawn.power).sum();
-        let chosen = choose(&records, power);
+        let chosen = choose(&records, power, DRAWS);
         assert_eq!(chosen.len(), DRAWS);
-        let weak = chosen.iter().filter(|chosen| chosen.2 < 2.0).count();
+        let weak = chosen.iter().filter(|chosen| chosen.2 < 3.0).count();
         assert_eq!(weak, DRAWS / 4);
     }
 }
