@@ -14,7 +14,7 @@ use subaperture::signal::scaled_dft::Shape;
 use subaperture_kernels::ceiling;
 use subaperture_kernels::compensation::{self, GroupRamp, Ramp};
 use subaperture_kernels::decimation::{
-    Decimation, DecimationScratch, Layout, PhaseRamp, Rows, halved,
+    Decimation, DecimationScratch, Layout, PhaseRamp, Rows, Taps, decimated,
 };
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
 use subaperture_kernels::folded_sums;
@@ -212,8 +212,9 @@ fn scattered_points(
 #[derive(Clone, Copy)]
 struct DecimationCase {
     name: &'static str,
-    pulses: bool,
-    samples: bool,
+    /// Decimation factor over pulses, and factor over samples if they are decimated.
+    pulses: usize,
+    samples: Option<usize>,
     num_pulses: usize,
     num_samples: usize,
 }
@@ -234,11 +235,12 @@ fn decimations() -> Vec<In<DecimationCase>> {
     let mut decimations = Vec::new();
     for [num_pulses, num_samples] in [[128, 4096], [256, 520], [112, 104], [64, 60]] {
         for (name, pulses, samples) in [
-            ("turn", false, false),
-            ("pulses", true, false),
-            ("samples", false, true),
-            ("both", true, true),
-            ("recorded", true, true),
+            ("turn", 1, None),
+            ("pulses", 2, None),
+            ("samples", 1, Some(2)),
+            ("both", 2, Some(2)),
+            ("both by three", 3, Some(3)),
+            ("recorded", 2, Some(2)),
         ] {
             decimations.push(DecimationCase {
                 name,
@@ -262,7 +264,7 @@ fn decimation(
     }: &In<DecimationCase>,
 ) {
     let (num_pulses, num_samples) = (case.num_pulses, case.num_samples);
-    let layout = Layout::new(num_samples);
+    let layout = Layout::new(num_samples, case.samples.unwrap_or(2));
     let values = vec![0.5; num_pulses * layout.values()];
     let turning = PhaseRamp {
         start: 0.3,
@@ -273,7 +275,7 @@ fn decimation(
     let [fast, slow] = [num_samples, num_pulses].map(|count| vec![1.0; count]);
     let decimation = Decimation {
         pulses: case.pulses,
-        samples: case.samples,
+        samples: case.samples.is_some(),
         layout,
         rows: match case.name {
             "recorded" => Rows::Samples {
@@ -287,14 +289,18 @@ fn decimation(
         phase_ramps: &phase_ramps,
     };
     let count = match case.pulses {
-        true => halved(num_pulses, 8),
-        false => num_pulses,
+        1 => num_pulses,
+        factor => decimated(num_pulses, factor, 8),
     };
     let mut out = vec![0.0; count * decimation.after(8).values()];
     let mut scratch = DecimationScratch::default();
+    let taps = Taps {
+        half: [0.1f32; 8],
+        third: [0.1f32; 8],
+    };
     bencher
         .counter(ItemsCount::new(num_pulses * num_samples))
-        .bench_local(|| decimation.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch));
+        .bench_local(|| decimation.make(instructions, &taps, 0, &mut out, &mut scratch));
 }
 
 /// A pulse at 64 delays in float32; an item is a sample for all delays.

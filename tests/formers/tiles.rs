@@ -303,12 +303,19 @@ fn factorised_plans_with_another_kernel_are_refused() {
         let plan = Plan::from_text(&json.to_string())?;
         plan.open(history.collection(), &weights).map(drop)
     };
+    let kernel = |taps: usize, band: f64, decimations: usize, first: usize| {
+        serde_json::json!({
+            "taps": taps, "band": band, "decimations": [decimations, decimations], "first": [first, first],
+        })
+    };
     for kernel in [
         None,
         Some(serde_json::json!(null)),
-        Some(serde_json::json!({ "taps": 7, "band": 0.2 })),
-        Some(serde_json::json!({ "taps": 6, "band": 0.42 })),
-        Some(serde_json::json!({ "taps": 12, "band": 1e300 })),
+        Some(kernel(7, 0.2, 4, 2)),
+        Some(kernel(6, 0.42, 4, 2)),
+        Some(kernel(12, 1e300, 4, 2)),
+        Some(kernel(12, 0.3, 0, 2)),
+        Some(kernel(12, 0.3, 4, 4)),
     ] {
         let error: PlanError = with(kernel.clone()).expect_err("refused");
         let message = error.to_string();

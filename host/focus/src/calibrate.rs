@@ -13,7 +13,7 @@ use subaperture_fft::Transforms;
 use crate::time_model::{TIMES_NS, TimeModel};
 use subaperture_kernels::compensation::{GroupRamp, Ramp, refer_to_planes};
 use subaperture_kernels::decimation::{
-    Decimation, DecimationScratch, Layout, PhaseRamp, Rows, halved,
+    Decimation, DecimationScratch, Layout, PhaseRamp, Rows, Taps, decimated,
 };
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
 use subaperture_kernels::horner;
@@ -29,7 +29,7 @@ use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 const TURN: Duration = Duration::from_millis(60);
 
 /// Taps of a decimation filter, and of a raster interpolation kernel.
-const HALVING_TAPS: usize = 8;
+const DECIMATION_TAPS: usize = 8;
 const RASTER_TAPS: usize = 6;
 
 /// Degree, bins and pulses of the backprojection test, and pixels per tile side.
@@ -45,7 +45,7 @@ impl TimeModel {
         let phasor_ns = phasor_ns();
         let slower = phasor_ns / default.phasor_ns;
         let (tiles, point_ns, piece_ns) = backprojection();
-        let [turn_ns, pulse_tap_ns, sample_tap_ns] = halving();
+        let [turn_ns, pulse_tap_ns, sample_tap_ns] = decimation();
         let tap_ns = raster_tap_ns();
         let reading = tap_ns / default.raster_tap_ns;
         let sum_ns = sum_ns();
@@ -210,9 +210,9 @@ fn backprojection() -> (f64, f64, f64) {
 }
 
 /// Times of a phase rotation, of a tap over pulses and of a tap over samples, ns.
-fn halving() -> [f64; 3] {
+fn decimation() -> [f64; 3] {
     let (num_pulses, num_samples) = (64, 256);
-    let layout = Layout::new(num_samples);
+    let layout = Layout::new(num_samples, 2);
     let values = vec![0.5; num_pulses * layout.values()];
     let phase_ramps = vec![
         PhaseRamp {
@@ -222,8 +222,8 @@ fn halving() -> [f64; 3] {
         num_pulses
     ];
     let took_ns = |pulses: bool, samples: bool| {
-        let halving = Decimation {
-            pulses,
+        let decimation = Decimation {
+            pulses: if pulses { 2 } else { 1 },
             samples,
             layout,
             rows: Rows::Planes(&values),
@@ -231,23 +231,26 @@ fn halving() -> [f64; 3] {
             phase_ramps: &phase_ramps,
         };
         let count = match pulses {
-            true => halved(num_pulses, HALVING_TAPS),
+            true => decimated(num_pulses, 2, DECIMATION_TAPS),
             false => num_pulses,
         };
-        let mut out = vec![0.0; count * halving.after(HALVING_TAPS).values()];
+        let mut out = vec![0.0; count * decimation.after(DECIMATION_TAPS).values()];
         let mut scratch = DecimationScratch::default();
         let took_ns = shortest_ns(1, || {
-            let taps = [0.1f32; HALVING_TAPS];
-            halving.make(Instructions::best(), &taps, 0, &mut out, &mut scratch);
+            let taps = Taps {
+                half: [0.1f32; DECIMATION_TAPS],
+                third: [0.0; DECIMATION_TAPS],
+            };
+            decimation.make(Instructions::best(), &taps, 0, &mut out, &mut scratch);
         });
         (took_ns, out.len() as f64 / 2.0)
     };
     let samples = (num_pulses * num_samples) as f64;
     let (turn_ns, _) = took_ns(false, false);
-    let taps = (HALVING_TAPS + 1) as f64;
+    let taps = (DECIMATION_TAPS + 1) as f64;
     // Phase rotation is part of both; a small remainder is limited from below.
-    let tap_ns = |(halved_ns, after): (f64, f64)| {
-        (halved_ns - turn_ns).max(0.1 * halved_ns) / (taps * after)
+    let tap_ns = |(decimated_ns, after): (f64, f64)| {
+        (decimated_ns - turn_ns).max(0.1 * decimated_ns) / (taps * after)
     };
     [
         turn_ns / samples,

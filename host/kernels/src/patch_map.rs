@@ -214,9 +214,10 @@ fn form(
     };
     let [raster, spectra, read] = PatchMapScratch::lengths(shape, lines);
     scratch.line.clear();
-    scratch
-        .line
-        .resize(2 * (2 * MARGIN + 2 * shape.samples.half()), 0.0);
+    scratch.line.resize(
+        2 * (2 * MARGIN + shape.samples.factor() * shape.samples.plane()),
+        0.0,
+    );
     scratch.resampled.resize(2 * shape.columns, 0.0);
     scratch.raster.clear();
     scratch.raster.resize(raster, 0.0);
@@ -336,9 +337,19 @@ impl Kernel for Form<'_> {
 /// Write the samples of a pulse in order, real and imaginary parts apart, between zeros.
 #[inline(always)]
 fn unpack<L: Lanes>(lanes: L, layout: decimation::Layout, row: &[f32], line: &mut [f32]) {
-    let half = layout.half();
+    let (factor, half) = (layout.factor(), layout.plane());
     let plane = line.len() / 2;
-    for (line, row) in line.chunks_exact_mut(plane).zip(row.chunks_exact(2 * half)) {
+    for (line, row) in line
+        .chunks_exact_mut(plane)
+        .zip(row.chunks_exact(factor * half))
+    {
+        if factor != 2 {
+            for (phase, row) in row.chunks_exact(half).enumerate() {
+                let to = line[MARGIN + phase..].iter_mut().step_by(factor);
+                to.zip(row).for_each(|(to, value)| *to = *value);
+            }
+            continue;
+        }
         let (even, odd) = row.split_at(half);
         for i in (0..half).step_by(L::COUNT) {
             let pairs = lanes.zip(lanes.load(&even[i..]), lanes.load(&odd[i..]));
@@ -842,7 +853,7 @@ mod tests {
     fn image_of_patch_agrees_with_defining_sum() {
         let mut numbers = Numbers::new(7);
         let (num_pulses, count) = (100usize, 70usize);
-        let layout = decimation::Layout::new(count);
+        let layout = decimation::Layout::new(count, 2);
         let (step, centre) = (0.02, 35.0);
         // Frequencies in cycles per metre of path.
         let frequency = |k: f64| 30.0 + (k - centre) * step;

@@ -83,14 +83,20 @@ fn point_backprojection_keeps_golden_bits() {
 
 #[test]
 fn decimation_keeps_golden_bits() {
-    held("halvings", 0xF66F_0F65_9EB0_B84D, |instructions, sum| {
-        let case = Case::new(45, 150);
-        for mode in MODES {
-            for row in case.made(instructions, mode, 64, true) {
-                sum.narrow(&row);
+    let (by_two, by_three) = MODES.split_at(4);
+    for (name, bits, modes) in [
+        ("decimations by two", 0xF66F_0F65_9EB0_B84D, by_two),
+        ("decimations by three", 0x7907_24EB_CE48_949D, by_three),
+    ] {
+        held(name, bits, |instructions, sum| {
+            let case = Case::new(45, 150);
+            for &mode in modes {
+                for row in case.made(instructions, mode, 64, true) {
+                    sum.narrow(&row);
+                }
             }
-        }
-    });
+        });
+    }
 }
 
 #[test]

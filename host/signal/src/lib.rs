@@ -5,10 +5,10 @@
 //! `subaperture`.
 #![forbid(unsafe_code)]
 
+pub mod decimation_kernel;
 pub mod dense;
 pub mod fast_length;
 pub mod flat_kernel;
-pub mod halfway;
 pub mod kaiser_bessel;
 pub mod phase;
 pub mod polynomial;

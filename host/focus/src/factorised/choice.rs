@@ -1,7 +1,8 @@
 //! Choice of the decimation kernel, pulse blocks and patch sizes for a factorisation.
 //!
-//! A plan is fast where patches are about as large as their decimated histories permit. Decimation is by two, so this depends on leaf sides and
-//! on the kernel's band together. Kernels that keep the bound are tried with equal leaf sides ([`SIDES`], [`MAP_LEAF_SIDES`]); then the sides of
+//! A plan is fast where patches are about as large as their decimated histories permit. Decimation is by two, so this depends on leaf sides, on
+//! the factor of the first decimation and on the kernel's band together. The factor of each axis is the one that leaves fewer pulses or
+//! samples in the middle of the grid. Kernels that keep the bound are tried with equal leaf sides ([`SIDES`], [`MAP_LEAF_SIDES`]); then the sides of
 //! the fastest plan are varied by turns. The search ends at a twentieth of the image's time, so that small images are planned briefly.
 //!
 //! The time is that of the descent along the path to the centre pixel by the cost model of [`super::cost`]. A descent whose histories alone take
@@ -12,8 +13,11 @@ use std::cell::Cell;
 use std::ops::{Range, RangeInclusive};
 
 use super::cost::DecimationChain;
+use super::decimations::Decimations;
+use super::history::Axes;
 use super::maps::MapKernels;
-use super::refine::{Refiner, counts};
+use super::patch_view::Patch;
+use super::refine::Refiner;
 use super::shares::{KernelChoice, map_kernels};
 use super::thinned::Stretch;
 use super::tree::Tree;
@@ -31,6 +35,10 @@ const SHORTEST: usize = 64;
 
 /// Largest number of turns in which one of the leaf sides is varied.
 const MAX_TURNS: usize = 4;
+/// Sides of the patch whose history decides the number of decimations, pixels: about those of the smallest leaves and patches with maps of fast plans.
+const SAMPLE_SIDE: usize = 32;
+const SAMPLE_MAP_SIDE: usize = 64;
+
 /// Largest side of a patch with maps, pixels.
 const LARGEST_MAP: usize = 256;
 /// Largest side of a first patch above maps, pixels, if the image is twice as large or larger: fewer first patches read the recorded samples.
@@ -68,10 +76,9 @@ impl Choices {
         let sides = [spec.grid.rows.count, spec.grid.columns.count].map(leaf_sides);
         let mut lengths = self.stretches.iter();
         let total = lengths.try_fold(0usize, |sum, count| sum.checked_add(*count));
-        let kernels = KernelChoice::within(self.error_db, counts(spec.collection));
         let kernel_fits = match self.kernel {
-            None => kernels.is_empty(),
-            Some(kernel) => kernels.contains(&kernel),
+            None => KernelChoice::widest(self.error_db, counts(spec)).is_none(),
+            Some(kernel) => kernel.is_within(self.error_db),
         };
         [0, 1].map(|i| sides[i].contains(&self.tree.leaf[i])) == [true; 2]
             && self.tree.levels <= MAX_LEVELS
@@ -82,16 +89,21 @@ impl Choices {
             && (-300.0..=0.0).contains(&self.error_db)
     }
 
-    /// Pulse blocks, decimated with the filter `taps`.
-    pub(super) fn stretches(&self, spec: &ImageSpec, taps: &[f32]) -> Vec<Stretch> {
+    /// Pulse blocks with their decimations.
+    pub(super) fn stretches(&self, spec: &ImageSpec, decimations: &Decimations) -> Vec<Stretch> {
         let mut first = 0;
         let each = self.stretches.iter().map(|count| {
             let pulses = first..first + count;
             first = pulses.end;
-            Stretch::new(&spec.collection.pulses, pulses, taps)
+            Stretch::new(&spec.collection.pulses, pulses, decimations)
         });
         each.collect()
     }
+}
+
+/// Numbers of pulses and samples.
+fn counts(spec: &ImageSpec) -> [usize; 2] {
+    [spec.collection.pulses.len(), spec.collection.num_samples]
 }
 
 /// Valid leaf sides for `count` pixels.
@@ -110,59 +122,37 @@ pub(super) struct Chosen<'a> {
 impl<'a> Chosen<'a> {
     /// Choose by the cost model. `None` if maps are asked for and do not keep the bound or do not suit the patch in the middle of the grid.
     pub(super) fn of(error_db: f64, leaves: Leaves, spec: &ImageSpec<'a>) -> Option<Self> {
-        let candidates = KernelChoice::within(error_db, counts(spec.collection));
-        let mut candidates: Vec<_> = candidates.into_iter().map(Some).collect();
-        if candidates.is_empty() {
-            candidates.push(None);
-        }
-        let refiner = |kernel| Refiner::of(spec.collection, error_db, kernel);
         let maps = match leaves {
             Leaves::Pulses => None,
             Leaves::Maps => Some(map_kernels(error_db)?),
         };
-        let breaks = sub_cpi::breaks(spec.collection);
-        let blocks = |longest| sub_cpi::cut(spec.collection.pulses.len(), &breaks, longest);
-        let mut best = Best::default();
-        for (i, &kernel) in candidates.iter().enumerate() {
-            // Whether maps suit a patch depends on its paths, not on the kernel.
-            let unsuited = i > 0 && maps.is_some() && best.found.is_none();
-            if unsuited || best.is_good_enough() {
-                break;
-            }
-            let refiner = refiner(kernel);
-            let (mut longest, mut slower) = (spec.collection.pulses.len(), 0);
-            // Shorter blocks first make room for larger patches; beyond that they only add edges.
-            while slower < 2 {
-                let lengths = (longest, &blocks(longest)[..]);
-                let search = Search::new(spec, maps.as_ref(), (kernel, &refiner), lengths);
-                let faster = search.equal_sides(&mut best);
-                slower += usize::from(!faster && search.fits.get());
-                if longest <= SHORTEST {
-                    break;
-                }
-                longest = longest.div_ceil(2);
-            }
-        }
-        if let Some(Found {
-            kernel, longest, ..
-        }) = best.found
-        {
-            let refiner = refiner(kernel);
-            let lengths = (longest, &blocks(longest)[..]);
-            Search::new(spec, maps.as_ref(), (kernel, &refiner), lengths).vary_sides(&mut best);
-        }
-        let found = match (best.found, leaves) {
+        let mut planning = Planning {
+            spec,
+            error_db,
+            breaks: sub_cpi::breaks(spec.collection),
+            maps: maps.as_ref(),
+            best: Best::default(),
+        };
+        let sample = planning.sample(match leaves {
+            Leaves::Pulses => SAMPLE_SIDE,
+            Leaves::Maps => SAMPLE_MAP_SIDE,
+        });
+        let kernels = planning.kernels(&sample);
+        planning.try_kernels(&kernels, &sample);
+        planning.share_by_decimations_made();
+        planning.vary_sides();
+        let found = match (planning.best.found, leaves) {
             (Some(found), _) => found,
             (None, Leaves::Maps) => return None,
             (None, Leaves::Pulses) => Found {
                 time_ns: f64::INFINITY,
-                kernel: candidates[0],
+                kernel: kernels.first().copied(),
                 longest: SHORTEST,
                 tree: smallest(spec),
                 map_level: None,
             },
         };
-        let stretches = blocks(found.longest);
+        let stretches = planning.blocks(found.longest);
         Some(Self {
             choices: Choices {
                 error_db,
@@ -171,9 +161,171 @@ impl<'a> Chosen<'a> {
                 tree: found.tree,
                 map_level: found.map_level,
             },
-            refiner: refiner(found.kernel),
+            refiner: planning.refiner(found.kernel),
             kernels: maps,
         })
+    }
+}
+
+/// Steps of a search for the fastest parameters.
+struct Planning<'s, 'a> {
+    spec: &'s ImageSpec<'a>,
+    error_db: f64,
+    /// First pulses after gaps in the track.
+    breaks: Vec<usize>,
+    maps: Option<&'s MapKernels>,
+    best: Best,
+}
+
+impl<'s, 'a> Planning<'s, 'a> {
+    fn refiner(&self, kernel: Option<KernelChoice>) -> Refiner<'a> {
+        Refiner::of(self.spec.collection, self.error_db, kernel)
+    }
+
+    /// Blocks of at most `longest` pulses.
+    fn blocks(&self, longest: usize) -> Vec<Range<usize>> {
+        sub_cpi::cut(self.spec.collection.pulses.len(), &self.breaks, longest)
+    }
+
+    /// Patch of this side in the middle of the grid, with the longest block of pulses.
+    fn sample(&self, side: usize) -> SamplePatch<'s, 'a> {
+        let blocks = self.blocks(self.spec.collection.pulses.len());
+        let longest = blocks.into_iter().max_by_key(|block| block.len());
+        SamplePatch::new(self.spec, longest.unwrap_or(0..0), side)
+    }
+
+    /// Kernels for as many decimations as the patch `sample` has with the widest band.
+    fn kernels(&self, sample: &SamplePatch) -> Vec<KernelChoice> {
+        let Some(widest) = KernelChoice::widest(self.error_db, counts(self.spec)) else {
+            return Vec::new();
+        };
+        let (_, axes) = sample.history(&self.refiner(Some(widest)));
+        KernelChoice::within(self.error_db, axes.made().map(|count| count.max(1)))
+    }
+
+    /// The same kernel with the factors of the first decimation that leave the shortest history of the patch `sample`.
+    fn with_factors(&self, kernel: KernelChoice, sample: &SamplePatch) -> KernelChoice {
+        kernel.beginning_with(sample.factors(&self.refiner(Some(kernel))))
+    }
+
+    /// Search with a kernel and blocks of at most `longest` pulses.
+    fn search<T>(
+        &mut self,
+        kernel: Option<KernelChoice>,
+        longest: usize,
+        search: impl FnOnce(&Search, &mut Best) -> T,
+    ) -> T {
+        let refiner = self.refiner(kernel);
+        let lengths = (longest, &self.blocks(longest)[..]);
+        let own = Search::new(self.spec, self.maps, (kernel, &refiner), lengths);
+        search(&own, &mut self.best)
+    }
+
+    /// Try equal leaf sides with each kernel: with the first one all lengths of blocks, with others the best length so far.
+    fn try_kernels(&mut self, kernels: &[KernelChoice], sample: &SamplePatch) {
+        // Without a kernel that keeps the bound, histories are not decimated.
+        for i in 0..kernels.len().max(1) {
+            // Whether maps suit a patch depends on its paths, not on the kernel.
+            let unsuited = i > 0 && self.maps.is_some() && self.best.found.is_none();
+            if unsuited || self.best.is_good_enough() {
+                break;
+            }
+            let kernel = kernels
+                .get(i)
+                .map(|&kernel| self.with_factors(kernel, sample));
+            if let Some(found) = self.best.found {
+                self.search(kernel, found.longest, |search, best| {
+                    search.equal_sides(best)
+                });
+                continue;
+            }
+            let (mut longest, mut slower) = (self.spec.collection.pulses.len(), 0);
+            // Shorter blocks first make room for larger patches; beyond that they only add edges.
+            while slower < 2 {
+                slower += self.search(kernel, longest, |search, best| {
+                    usize::from(!search.equal_sides(best) && search.fits.get())
+                });
+                if longest <= SHORTEST {
+                    break;
+                }
+                longest = longest.div_ceil(2);
+            }
+        }
+    }
+
+    /// Try kernels for as many decimations as the best plan makes: fewer ones may have larger errors.
+    fn share_by_decimations_made(&mut self) {
+        let Some(found) = self.best.found else {
+            return;
+        };
+        let Some(kernel) = found.kernel else {
+            return;
+        };
+        let [rows, columns] = found.tree.size(found.map_level.unwrap_or(0));
+        let sample = self.sample(rows.max(columns));
+        let (_, axes) = sample.history(&self.refiner(Some(kernel)));
+        let made = axes.made().map(|count| count.max(1));
+        if made == kernel.decimations() {
+            return;
+        }
+        let others = KernelChoice::within(self.error_db, made).into_iter();
+        for other in others.filter(|other| other.taps() <= kernel.taps()) {
+            let other = self.with_factors(other, &sample);
+            self.search(Some(other), found.longest, |search, best| {
+                search.improve(found.tree.leaf, best)
+            });
+        }
+    }
+
+    /// Vary the leaf sides of the best plan.
+    fn vary_sides(&mut self) {
+        if let Some(found) = self.best.found {
+            self.search(found.kernel, found.longest, |search, best| {
+                search.vary_sides(best);
+            });
+        }
+    }
+}
+
+/// Patch in the middle of the grid that represents all in the choice of kernels.
+struct SamplePatch<'s, 'a> {
+    spec: &'s ImageSpec<'a>,
+    /// Longest block of pulses.
+    pulses: Range<usize>,
+    tree: Tree,
+    patch: Patch,
+}
+
+impl<'s, 'a> SamplePatch<'s, 'a> {
+    fn new(spec: &'s ImageSpec<'a>, pulses: Range<usize>, side: usize) -> Self {
+        let counts = [spec.grid.rows.count, spec.grid.columns.count];
+        let tree = Tree {
+            leaf: counts.map(|count| count.min(side)),
+            levels: 0,
+        };
+        let node = tree.around(0, counts.map(|count| count / 2));
+        let rectangle = tree.rectangle(spec.grid, node);
+        Self {
+            patch: Patch::new(spec.grid, rectangle.expect("the middle of the grid")),
+            spec,
+            pulses,
+            tree,
+        }
+    }
+
+    /// Block of pulses with its decimations, and axes of the history of the patch.
+    fn history(&self, refiner: &Refiner) -> (Stretch, Axes) {
+        let pulses = &self.spec.collection.pulses;
+        let stretch = Stretch::new(pulses, self.pulses.clone(), refiner.decimations());
+        let chain = DecimationChain::new(self.spec, refiner, &stretch, &self.tree, None);
+        let axes = *chain.last();
+        (stretch, axes)
+    }
+
+    /// Factors of the first decimation that leave the shortest history.
+    fn factors(&self, refiner: &Refiner) -> [usize; 2] {
+        let (stretch, axes) = self.history(refiner);
+        refiner.first_factors(&stretch, &axes, &self.patch)
     }
 }
 
@@ -245,7 +397,7 @@ impl<'a> Search<'a> {
         let range = range.cloned().unwrap_or(0..0);
         Self {
             num_blocks: spec.collection.pulses.len() as f64 / range.len().max(1) as f64,
-            stretch: Stretch::new(&spec.collection.pulses, range, refiner.taps()),
+            stretch: Stretch::new(&spec.collection.pulses, range, refiner.decimations()),
             fits: Cell::new(false),
             spec,
             maps,

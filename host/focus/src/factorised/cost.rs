@@ -3,7 +3,7 @@
 //! ```text
 //! a patch's history, of N pulses and K samples before and N', K' after, with W taps:
 //!     phase rotation of a sample before: 18
-//!     if decimated over pulses: (4 W + 2) N' K;   over samples: (4 W + 2) N' K'
+//!     if decimated by M over pulses: (4 (M - 1) W + 4) N' K;   over samples: (4 (M - 1) W + 4) N' K'
 //! a leaf: a pulse a transform of its profile of L bins, of each piece 72, and as in backprojection 35 a pixel
 //! ```
 //!
@@ -88,7 +88,7 @@ impl<'a> DecimationChain<'a> {
         lowest: usize,
         pixel: [usize; 2],
     ) -> Self {
-        let taps = refiner.taps().len();
+        let taps = refiner.taps();
         let mut axes = refiner.recorded();
         let mut steps = Vec::new();
         let mut own = false;
@@ -100,13 +100,13 @@ impl<'a> DecimationChain<'a> {
             let patch = Patch::new(spec.grid, rectangle);
             own = false;
             loop {
-                let halves = refiner.halves(stretch, &axes, &patch);
+                let decimates = refiner.decimates(stretch, &axes, &patch);
                 let first = steps.is_empty();
-                if halves == [false; 2] && !first {
+                if decimates == [false; 2] && !first {
                     break;
                 }
                 let before = axes;
-                axes = axes.after(halves, taps);
+                axes = axes.after(decimates, taps);
                 steps.push(Step {
                     level,
                     before,
@@ -158,9 +158,14 @@ impl<'a> DecimationChain<'a> {
         self.maps.is_some()
     }
 
+    /// Axes of the last history.
+    pub(super) fn last(&self) -> &Axes {
+        &self.last
+    }
+
     /// Memory of all histories held at once along the descent, bytes, for the first patch with the largest demand.
     pub(super) fn held_bytes(&self) -> u64 {
-        let (grid, taps) = (self.spec.grid, self.refiner.taps().len());
+        let (grid, taps) = (self.spec.grid, self.refiner.taps());
         let recorded = self.refiner.recorded();
         let roots = self.tree.roots(grid);
         let every = roots.len().div_ceil(MAX_FIRSTS).max(1);
@@ -170,8 +175,8 @@ impl<'a> DecimationChain<'a> {
                 .rectangle(grid, node)
                 .expect("a first patch has pixels");
             let patch = Patch::new(grid, rectangle);
-            let halves = self.refiner.halves(self.stretch, &recorded, &patch);
-            recorded.after(halves, taps).bytes(self.stretch)
+            let decimates = self.refiner.decimates(self.stretch, &recorded, &patch);
+            recorded.after(decimates, taps).bytes(self.stretch)
         });
         let rest = self
             .steps
@@ -192,8 +197,11 @@ impl<'a> DecimationChain<'a> {
         (grid.rows.count.div_ceil(rows) * grid.columns.count.div_ceil(columns)) as f64
     }
 
-    /// Sum of `of` over the steps of all patches. Its arguments are samples before, samples in between (half the pulses), samples after, and pulses before.
+    /// Sum of `of` over the steps of all patches. Its arguments are samples before, taps of sums over pulses, taps of sums over samples, and
+    /// pulses before.
     fn over_steps(&self, of: impl Fn([f64; 4]) -> f64) -> f64 {
+        let decimations = self.refiner.decimations();
+        let taps = |factor: usize| ((factor - 1) * decimations.num_taps() + 1) as f64;
         let each = self.steps.iter().map(|step| {
             let Step {
                 level,
@@ -203,12 +211,12 @@ impl<'a> DecimationChain<'a> {
             let [old, new] = [before, after].map(|axes| self.pulses(axes));
             let [k, k_new] = [before, after].map(|axes| axes.num_samples as f64);
             let over_pulses = if after.thinning > before.thinning {
-                new * k
+                taps(decimations.factor(0, before.thinning)) * new * k
             } else {
                 0.0
             };
             let over_samples = if after.num_samples != before.num_samples {
-                new * k_new
+                taps(before.factor) * new * k_new
             } else {
                 0.0
             };
@@ -254,13 +262,12 @@ impl<'a> DecimationChain<'a> {
     /// Single-core time of all histories, ns.
     pub(super) fn histories_ns(&self) -> f64 {
         let model = self.spec.numerics.model;
-        let taps = self.refiner.taps().len() as f64 + 1.0;
         self.over_steps(|[before, over_pulses, over_samples, pulses]| {
-            let sums_ns = over_pulses * model.pulse_tap_ns + over_samples * model.sample_tap_ns;
             model.patch_ns
                 + pulses * model.history_pulse_ns
                 + before * model.turn_ns
-                + taps * sums_ns
+                + over_pulses * model.pulse_tap_ns
+                + over_samples * model.sample_tap_ns
         })
     }
 
@@ -285,9 +292,8 @@ impl<'a> DecimationChain<'a> {
 
     /// Operations for the block of pulses: histories, leaves.
     fn operations(&self) -> [f64; 2] {
-        let taps = 4.0 * self.refiner.taps().len() as f64 + 2.0;
         let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
-            before * TURN + taps * (over_pulses + over_samples)
+            before * TURN + 4.0 * (over_pulses + over_samples)
         });
         if let Some(maps) = &self.maps {
             let maps = maps

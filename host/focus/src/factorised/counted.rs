@@ -11,13 +11,13 @@ use subaperture_simulate::{Preset, Variation};
 
 static OPERATIONS: AtomicU64 = AtomicU64::new(0);
 
-/// Count a history decimated with `taps`, from its samples before and the samples computed by sums over pulses and over samples.
-pub(super) fn refined(taps: usize, before: usize, [over_pulses, over_samples]: [usize; 2]) {
+/// Count a decimated history: its samples before, and the taps and samples of sums over pulses and over samples.
+pub(super) fn refined(before: usize, sums: [(usize, usize); 2]) {
     // Phase rotation: 6 operations per sample and 6 for the phasor recurrence; every 8th phasor is evaluated in 38, and 7 reduce its phase.
     let turned = before as f64 * (12.0 + 45.0 / 8.0);
-    // A tap is a product and a sum of two components; the retained sample counts once more.
-    let sums = 2.0 * (2.0 * taps as f64 + 1.0) * (over_pulses + over_samples) as f64;
-    OPERATIONS.fetch_add((turned + sums) as u64, Ordering::Relaxed);
+    // A tap is a product and a sum of two components.
+    let sums: usize = sums.map(|(taps, samples)| 4 * taps * samples).iter().sum();
+    OPERATIONS.fetch_add(turned as u64 + sums as u64, Ordering::Relaxed);
 }
 
 /// Count profiles of `length` bins per pulse, their intervals, and pixels summed over them: position 2, bin 3, spline 12, carrier 10, sum 8.

@@ -154,26 +154,26 @@ impl Descent<'_, '_> {
     fn first(&self, recorded: &Recorded, patch: &Patch) -> Result<Held<'_>, FormError> {
         let (refiner, stretch) = (self.refiner, self.stretch);
         let axes = refiner.recorded();
-        let mut halves = refiner.halves(stretch, &axes, patch);
-        let mut held = self.pool.take(self.room(&axes, halves));
-        refiner.read(stretch, recorded, patch, halves, &mut held.history)?;
+        let mut decimates = refiner.decimates(stretch, &axes, patch);
+        let mut held = self.pool.take(self.room(&axes, decimates));
+        refiner.read(stretch, recorded, patch, decimates, &mut held.history)?;
         // Repeat while the patch size permits decimation.
         loop {
-            halves = refiner.halves(stretch, &held.history.axes, patch);
-            if halves == [false; 2] {
+            decimates = refiner.decimates(stretch, &held.history.axes, patch);
+            if decimates == [false; 2] {
                 return Ok(held);
             }
-            let mut next = self.pool.take(self.room(&held.history.axes, halves));
+            let mut next = self.pool.take(self.room(&held.history.axes, decimates));
             let own = &mut next.history;
             let before = &held.history;
-            refiner.refine(stretch, before, (patch, halves), own, None, self.monitor);
+            refiner.refine(stretch, before, (patch, decimates), own, None, self.monitor);
             held = next;
         }
     }
 
     /// Number of values of a history with the given decimations.
-    fn room(&self, before: &Axes, halves: [bool; 2]) -> usize {
-        let axes = before.after(halves, self.refiner.taps().len());
+    fn room(&self, before: &Axes, decimates: [bool; 2]) -> usize {
+        let axes = before.after(decimates, self.refiner.taps());
         self.stretch.thinned[axes.thinning].antennas.len() * axes.layout().values()
     }
 
@@ -250,13 +250,20 @@ impl Descent<'_, '_> {
         alone: Option<&mut RefineScratch>,
     ) -> Arc<Held<'c>> {
         let (refiner, stretch) = (self.refiner, self.stretch);
-        let halves = refiner.halves(stretch, &parent.history.axes, patch);
-        if halves == [false; 2] {
+        let decimates = refiner.decimates(stretch, &parent.history.axes, patch);
+        if decimates == [false; 2] {
             return parent.clone();
         }
-        let mut held = self.pool.take(self.room(&parent.history.axes, halves));
+        let mut held = self.pool.take(self.room(&parent.history.axes, decimates));
         let (parent, own) = (&parent.history, &mut held.history);
-        refiner.refine(stretch, parent, (patch, halves), own, alone, self.monitor);
+        refiner.refine(
+            stretch,
+            parent,
+            (patch, decimates),
+            own,
+            alone,
+            self.monitor,
+        );
         Arc::new(held)
     }
 
@@ -294,12 +301,12 @@ impl Descent<'_, '_> {
                 continue;
             }
             let patch = Patch::new(self.grid, rectangle);
-            let halves = self.refiner.halves(self.stretch, &history.axes, &patch);
-            if halves == [false; 2] {
+            let decimates = self.refiner.decimates(self.stretch, &history.axes, &patch);
+            if decimates == [false; 2] {
                 self.task(quarter, rectangle, history, &mut part, scratch);
                 continue;
             }
-            let own = self.refined(history, (&patch, halves), scratch);
+            let own = self.refined(history, (&patch, decimates), scratch);
             self.task(quarter, rectangle, &own, &mut part, scratch);
             scratch.levels.push(own);
         }
@@ -309,14 +316,14 @@ impl Descent<'_, '_> {
     fn refined(
         &self,
         history: &PatchHistory,
-        (patch, halves): (&Patch, [bool; 2]),
+        (patch, decimates): (&Patch, [bool; 2]),
         scratch: &mut Scratch,
     ) -> PatchHistory {
         let mut own = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
         self.refiner.refine(
             self.stretch,
             history,
-            (patch, halves),
+            (patch, decimates),
             &mut own,
             Some(&mut scratch.refine),
             self.monitor,

@@ -3,15 +3,19 @@
 use glam::DVec3;
 use num_complex::Complex32;
 
+use super::decimations::Decimations;
 use super::thinned::Stretch;
-use subaperture_kernels::decimation::{Layout, halved};
+use subaperture_kernels::decimation::{Layout, decimated};
 use subaperture_model::phase_history::Collection;
 
 /// Axes of a history: decimated pulses and frequencies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axes {
-    /// Number of decimations by two over pulses.
+    /// Number of decimations over pulses.
     pub(super) thinning: usize,
+    /// Number of decimations over samples, and factor of the next one.
+    pub(super) decimations: usize,
+    pub(super) factor: usize,
     pub(super) start_hz: f64,
     pub(super) step_hz: f64,
     pub(super) num_samples: usize,
@@ -19,26 +23,36 @@ pub(super) struct Axes {
 
 impl Axes {
     /// Axes of the recorded samples.
-    pub(super) fn recorded(collection: &Collection) -> Self {
+    pub(super) fn recorded(collection: &Collection, decimations: &Decimations) -> Self {
         let first = &collection.pulses[0];
         Self {
             thinning: 0,
+            decimations: 0,
+            factor: decimations.factor(1, 0),
             start_hz: first.start_hz,
             step_hz: first.step_hz,
             num_samples: collection.num_samples,
         }
     }
 
-    /// Axes after decimation by two over pulses and over samples with the given number of taps.
+    /// Axes after decimation over pulses and over samples with the given number of taps.
     pub(super) fn after(&self, [pulses, samples]: [bool; 2], taps: usize) -> Self {
         let mut after = *self;
         after.thinning += usize::from(pulses);
         if samples {
-            after.start_hz = self.frequency_hz(-((taps - 2) as f64));
-            after.step_hz = 2.0 * self.step_hz;
-            after.num_samples = halved(self.num_samples, taps);
+            let factor = self.factor;
+            after.start_hz = self.frequency_hz(-((factor * (taps / 2 - 1)) as f64));
+            after.step_hz = factor as f64 * self.step_hz;
+            after.num_samples = decimated(self.num_samples, factor, taps);
+            after.decimations += 1;
+            after.factor = 2;
         }
         after
+    }
+
+    /// Numbers of decimations over pulses and over samples.
+    pub(super) fn made(&self) -> [usize; 2] {
+        [self.thinning, self.decimations]
     }
 
     pub(super) fn frequency_hz(&self, k: f64) -> f64 {
@@ -51,7 +65,7 @@ impl Axes {
     }
 
     pub(super) fn layout(&self) -> Layout {
-        Layout::new(self.num_samples)
+        Layout::new(self.num_samples, self.factor)
     }
 
     /// Size of such a history, bytes.
@@ -78,6 +92,8 @@ impl PatchHistory {
         Self {
             axes: Axes {
                 thinning: 0,
+                decimations: 0,
+                factor: 2,
                 start_hz: 0.0,
                 step_hz: 0.0,
                 num_samples: 0,

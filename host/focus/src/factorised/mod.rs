@@ -7,13 +7,13 @@
 //!
 //! ```text
 //! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)            compensate to q
-//! y'[i][l]  = y[2 i'][2 l'] + interpolation from odd pulses and frequencies         decimate by two
+//! y'[i][l]  = y[2 i'][2 l'] + interpolation from odd pulses and frequencies         decimate by two (first: by two or three)
 //! ```
 //!
 //! The step is repeated from each patch to its four quarters, each with its own centre, down to small patches
-//! with few pulses, which plain backprojection images (`leaf`), or to patches of some hundred pixels, which range-Doppler maps image (`maps`). Odd samples are transferred to the even ones around them by an
+//! with few pulses, which plain backprojection images (`leaf`), or to patches of some hundred pixels, which range-Doppler maps image (`maps`). Omitted samples are transferred to the retained ones around them by an
 //! interpolation kernel of the pixels' phase, `exp(j phase(n)) = sum_i h[i] exp(j phase(2 i))`
-//! ([`subaperture_signal::halfway`], [`subaperture_kernels::decimation`]). The sum over pulses and frequencies needs no more, and
+//! ([`subaperture_signal::decimation_kernel`], [`subaperture_kernels::decimation`]). The sum over pulses and frequencies needs no more, and
 //! scatterers outside the patch do not matter. At the ends `h` extends past the data: decimated histories are `W - 1` samples longer than
 //! half, and the antenna track is extrapolated smoothly there (`thinned`). Retained pulses keep their positions.
 //!
@@ -22,6 +22,9 @@
 //! interpolates complex images in two dimensions, `W^2` operations a value, whereas decimation is
 //! separable, `2 W`, and its only error is that of the kernel. It is equivalent to the patch compensation of [`crate::rdbp`]
 //! over several levels.
+//!
+//! The first decimation of each axis is by two or three: histories of a patch then have between 1.0 and 1.5 times the samples that its kernel
+//! needs, instead of up to twice as many.
 //!
 //! Neglected: the kernel error per decimation and direction; the range profile error ([`crate::bp`]); the part of the track that is
 //! not smooth from pulse to pulse, as far as it differs across the patch; and the phase beyond the ends of the data
@@ -45,6 +48,7 @@ mod choice;
 mod cost;
 #[cfg(test)]
 mod counted;
+mod decimations;
 mod descent;
 mod history;
 mod leaf;
@@ -112,7 +116,7 @@ pub(super) fn decide(
         Reason::new("kernels and the rounding of float32 sums limit the error")
             .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
     })?;
-    let stretches = choices.stretches(spec, refiner.taps());
+    let stretches = choices.stretches(spec, refiner.decimations());
     let tree = choices.tree;
     let descents = cost::descents(
         spec,
@@ -126,7 +130,8 @@ pub(super) fn decide(
         "levels": tree.levels,
         "leaf_rows": tree.leaf[0],
         "leaf_columns": tree.leaf[1],
-        "kernel_taps": refiner.taps().len(),
+        "kernel_taps": refiner.taps(),
+        "first_decimation": [refiner.decimations().factor(0, 0), refiner.decimations().factor(1, 0)],
     });
     if let Some(level) = choices.map_level {
         let [rows, columns] = tree.size(level);
@@ -177,7 +182,7 @@ impl<'a> Opened<'a> {
             return Err(misfit(name, mismatch));
         }
         let refiner = Refiner::of(spec.collection, choices.error_db, choices.kernel);
-        let stretches = choices.stretches(&spec, refiner.taps());
+        let stretches = choices.stretches(&spec, refiner.decimations());
         let kernels = match choices.map_level {
             None => None,
             Some(_) => {

@@ -1,5 +1,8 @@
 //! Computation of a patch history from that of a larger patch.
 //!
+//! Histories are decimated by two; the first decimation of each axis is by three where the plan says so, which fits the number of samples
+//! better to patches whose size lies between two powers of two.
+//!
 //! **Error of a decimation.** It is evaluated in advance. Over pulses the kernel interpolates `exp(j phase_p(u))` of each pixel `p` from the
 //! retained antenna positions to those between. This is evaluated for the corner with the fastest path change, at the highest frequency, on segments of
 //! pulses at both ends, where the kernel extends past the data, and in between. Errors are weighted by the power of each pulse
@@ -19,12 +22,13 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+use super::decimations::{Decimations, FACTORS, pays};
 use super::history::{Axes, PatchHistory};
 use super::patch_view::{MARGIN, Patch, path_m};
 use super::shares::{KernelChoice, Shares};
-use super::thinned::{Antennas, Stretch, pays};
+use super::thinned::{Antennas, Stretch};
 use crate::FormError;
-use subaperture_kernels::decimation::{self, Decimation, DecimationScratch, PhaseRamp, Rows};
+use subaperture_kernels::decimation::{self, Decimation, DecimationScratch, PhaseRamp, Rows, Taps};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::{Monitor, during};
@@ -38,7 +42,7 @@ pub(super) const HISTORIES: &str = "histories of patches";
 const NEAR: f64 = 0.5;
 /// Retained pulses at which paths are sampled.
 const PLACES: usize = 17;
-/// Omitted pulses in each segment on which the decimation error is measured.
+/// Retained pulses in each segment on which the decimation error is measured.
 const RUN: usize = 4;
 /// Segments between the two ends.
 const INNER_RUNS: usize = 2;
@@ -97,19 +101,13 @@ enum Before<'a> {
 /// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct RefineScratch {
-    halving: DecimationScratch,
+    decimation: DecimationScratch,
     phase_ramps: Vec<PhaseRamp>,
-}
-
-/// Numbers of pulses and samples.
-pub(super) fn counts(collection: &Collection) -> [usize; 2] {
-    [collection.pulses.len(), collection.num_samples]
 }
 
 /// Computation of decimated histories.
 pub(super) struct Refiner<'a> {
     collection: &'a Collection,
-    taps: Vec<f32>,
     shares: Shares,
     instructions: Instructions,
 }
@@ -121,23 +119,27 @@ impl<'a> Refiner<'a> {
         error_db: f64,
         kernel: Option<KernelChoice>,
     ) -> Self {
-        let shares = Shares::of(error_db, counts(collection), kernel);
+        let shares = Shares::of(error_db, kernel);
         Self {
             collection,
-            taps: shares.taps(),
             shares,
             instructions: Instructions::best(),
         }
     }
 
-    /// Kernel taps at the fraction 1/2.
-    pub(super) fn taps(&self) -> &[f32] {
-        &self.taps
+    /// Decimations and their kernels.
+    pub(super) fn decimations(&self) -> &Decimations {
+        self.shares.decimations()
+    }
+
+    /// Number of kernel taps at each fraction.
+    pub(super) fn taps(&self) -> usize {
+        self.decimations().num_taps()
     }
 
     /// Axes of the recorded samples.
     pub(super) fn recorded(&self) -> Axes {
-        Axes::recorded(self.collection)
+        Axes::recorded(self.collection, self.decimations())
     }
 
     /// Shares of the error bound.
@@ -146,34 +148,33 @@ impl<'a> Refiner<'a> {
     }
 
     /// Whether a history may be decimated for a patch, over pulses and over samples.
-    pub(super) fn halves(&self, stretch: &Stretch, axes: &Axes, patch: &Patch) -> [bool; 2] {
+    pub(super) fn decimates(&self, stretch: &Stretch, axes: &Axes, patch: &Patch) -> [bool; 2] {
         if !self.shares.decimate {
             return [false; 2];
         }
-        let pulses = self.halves_pulses(stretch, axes, patch);
+        let pulses = self.decimates_pulses(stretch, axes, patch);
         let kept = &stretch.thinned[axes.thinning + usize::from(pulses)].antennas;
-        [pulses, self.halves_samples(axes, patch, kept)]
+        [pulses, self.decimates_samples(axes, patch, kept)]
     }
 
-    fn halves_samples(&self, axes: &Axes, patch: &Patch, antennas: &[Antennas]) -> bool {
-        if !pays(axes.num_samples, self.taps.len()) {
+    fn decimates_samples(&self, axes: &Axes, patch: &Patch, antennas: &[Antennas]) -> bool {
+        let continues = self.decimations().continues(1, axes.decimations);
+        if !(continues && pays(axes.num_samples, axes.factor, self.taps())) {
             return false;
         }
-        let depths = places(antennas.len()).map(|n| patch.depth_m(&antennas[n]));
-        let depth_m = depths.fold(0.0, f64::max);
-        2.0 * depth_m * axes.step_hz.abs() / SPEED_OF_LIGHT_M_S <= self.shares.band
+        let band = axes.factor as f64 * samples_band(axes, patch, antennas);
+        band <= self.shares.band(axes.factor)
     }
 
-    fn halves_pulses(&self, stretch: &Stretch, axes: &Axes, patch: &Patch) -> bool {
+    fn decimates_pulses(&self, stretch: &Stretch, axes: &Axes, patch: &Patch) -> bool {
         let Some(after) = stretch.thinned.get(axes.thinning + 1) else {
             return false;
         };
-        if !patch.flat {
+        if !(patch.flat && self.decimations().continues(0, axes.thinning)) {
             return false;
         }
         let kept = &after.antennas;
-        let looked_at = || places(kept.len() - 1);
-        let distances = looked_at().map(|n| patch.distance_m(&kept[n]));
+        let distances = places(kept.len() - 1).map(|n| patch.distance_m(&kept[n]));
         let distance_m = distances.fold(f64::INFINITY, f64::min);
         if patch.radius_m > NEAR * distance_m {
             return false;
@@ -184,17 +185,41 @@ impl<'a> Refiner<'a> {
             return false;
         }
         // The corner with the fastest path change represents all.
-        let (mut rate_m, mut fastest) = (0.0f64, patch.corners[0]);
-        for n in looked_at() {
-            let [early, late] = [n, n + 1].map(|n| patch.offsets_m(&kept[n]));
-            for ((early, late), &corner) in early.zip(late).zip(&patch.corners) {
-                if (late - early).abs() > rate_m {
-                    (rate_m, fastest) = ((late - early).abs(), corner);
-                }
-            }
-        }
+        let (rate_m, fastest) = fastest(patch, kept);
         rate_m * cycles_m * MARGIN <= FASTEST
             && self.is_faithful(stretch, axes, patch.centre, fastest)
+    }
+
+    /// Factors of the first decimation over pulses and over samples for which a history of `patch`, decimated by two as often as possible to
+    /// `axes`, becomes shortest.
+    pub(super) fn first_factors(
+        &self,
+        stretch: &Stretch,
+        axes: &Axes,
+        patch: &Patch,
+    ) -> [usize; 2] {
+        let kept = &stretch.thinned[axes.thinning].antennas;
+        // Beyond the data the kernel has at most this many pulses, of little power.
+        let beyond = self.taps() - 2;
+        let kept = match kept.len() > 2 * beyond + 1 {
+            true => &kept[beyond..kept.len() - beyond],
+            false => kept,
+        };
+        let cycles_m = axes.highest_hz() / SPEED_OF_LIGHT_M_S;
+        let bands = [
+            fastest(patch, kept).0 * cycles_m,
+            samples_band(axes, patch, kept),
+        ];
+        let three = FACTORS[1];
+        let allowed = [self.shares.slow_band(three), self.shares.band(three)];
+        let done = axes.made();
+        [0, 1].map(|axis| {
+            let band = bands[axis] * three as f64 / FACTORS[0] as f64;
+            match done[axis] > 0 && band <= allowed[axis] {
+                true => three,
+                false => FACTORS[0],
+            }
+        })
     }
 
     /// Whether decimation over pulses keeps its share of the error for a pixel relative to the centre, on each of several segments of pulses.
@@ -204,34 +229,40 @@ impl<'a> Refiner<'a> {
         let phase = |antennas: &Antennas| {
             phasor((path_m(antennas, pixel) - path_m(antennas, centre)) * cycles_m)
         };
-        // Odd pulses; beyond the data there are as many as the length of the preceding kernel, more than in a segment.
-        let (count, width) = (before.antennas.len() / 2, self.taps.len());
+        let decimations = self.decimations();
+        let factor = decimations.factor(0, axes.thinning);
+        // Retained pulses; beyond the data there are as many as the length of the preceding kernel, more than in a segment.
+        let (count, width) = (before.antennas.len() / factor, self.taps());
         let end = RUN + width / 4;
         let inner = (1..=INNER_RUNS).map(|i| i * count / (INNER_RUNS + 1));
         let inner = inner.map(|first| first..(first + RUN).min(count));
         let ends = [0..end.min(count), count.saturating_sub(end)..count];
         for run in ends.into_iter().chain(inner) {
-            let kept = &after.antennas[run.start..run.end + width - 1];
+            let start = run.start;
+            let kept = &after.antennas[start..run.end + width - 1];
             let kept: Vec<Complex64> = kept.iter().map(phase).collect();
             let (mut error, mut weights) = (0.0, 0.0);
-            for (i, m) in run.enumerate() {
-                let expected = phase(&before.antennas[2 * m + 1]);
-                let terms = kept[i..i + width].iter().zip(&self.taps);
-                let got: Complex64 = terms.map(|(z, &h)| z * f64::from(h)).sum();
-                let weight = before.weights[2 * m + 1];
+            let places = run.flat_map(|m| (1..factor).map(move |phase| (m, phase)));
+            for (m, between) in places {
+                let n = factor * m + between;
+                let expected = phase(&before.antennas[n]);
+                let taps = decimations.taps(factor, between);
+                let terms = kept[m - start..m - start + width].iter().zip(taps);
+                let got: Complex64 = terms.map(|(z, h)| z * f64::from(h)).sum();
+                let weight = before.weights[n];
                 error += weight * (got - expected).norm_sqr();
-                // Includes the neighbouring even pulse, which is retained unchanged.
-                weights += 2.0 * weight;
+                // Includes a share of the neighbouring retained pulse, which is unchanged.
+                weights += factor as f64 / (factor - 1) as f64 * weight;
             }
             // A segment without weight has no error.
-            if error.is_nan() || error > self.shares.slow_edge.powi(2) * weights {
+            if error.is_nan() || error > self.shares.slow_edge(factor).powi(2) * weights {
                 return false;
             }
         }
         true
     }
 
-    /// Compute `own`, the history of a first patch, from recorded pulses, decimated as given by `halves`.
+    /// Compute `own`, the history of a first patch, from recorded pulses, decimated as given by `decimates`.
     ///
     /// Pulses that are not held are read in order and once, block by block while the preceding ones are decimated.
     ///
@@ -242,19 +273,20 @@ impl<'a> Refiner<'a> {
         stretch: &Stretch,
         recorded: &Recorded,
         patch: &Patch,
-        halves: [bool; 2],
+        decimates: [bool; 2],
         own: &mut PatchHistory,
     ) -> Result<(), FormError> {
         let axes = self.recorded();
         let (size, width) = (
-            self.prepare(stretch, &axes, patch, halves, own),
+            self.prepare(stretch, &axes, patch, decimates, own),
             axes.num_samples,
         );
         let (num_pulses, num_after) = (stretch.pulses.len(), own.num_pulses());
         let step = Step {
             stretch,
             patch,
-            halves,
+            factor: self.factor(&axes, decimates),
+            decimates,
             size,
             monitor: recorded.monitor,
         };
@@ -278,9 +310,9 @@ impl<'a> Refiner<'a> {
         let mut made = 0;
         loop {
             // Outputs that need only the buffered pulses.
-            let until = match (here.end == num_pulses, halves[0]) {
+            let until = match (here.end == num_pulses, decimates[0]) {
                 (true, _) => num_after,
-                (false, true) => here.end / 2,
+                (false, true) => here.end / step.factor,
                 (false, false) => here.end,
             };
             let before = recorded.before(&samples, here.clone());
@@ -290,7 +322,7 @@ impl<'a> Refiner<'a> {
                 return Ok(());
             }
             let next = here.end..(here.end + at_once).min(num_pulses);
-            let needed = step.needed(self.taps.len(), &(until..until + 1), num_pulses);
+            let needed = step.needed(self.taps(), &(until..until + 1), num_pulses);
             let kept = needed.start.clamp(here.start, here.end)..here.end;
             let from = kept.start - here.start;
             ahead[..kept.len() * width]
@@ -342,7 +374,8 @@ impl<'a> Refiner<'a> {
 
     /// Number of buffered samples for the given pulses, including those kept from the preceding ones.
     fn room(&self, at_once: usize) -> usize {
-        (at_once + 2 * self.taps.len()) * self.collection.num_samples
+        let factor = self.decimations().factor(0, 0);
+        (at_once + factor * self.taps()) * self.collection.num_samples
     }
 
     /// Memory of buffered pulses and of those being read, bytes.
@@ -350,22 +383,23 @@ impl<'a> Refiner<'a> {
         2 * 8 * self.room(self.read_together(threads)) as u64
     }
 
-    /// Compute `own`, the history of a patch, from a larger one, decimated as given by `halves`: in the given thread's buffers, or on all threads.
+    /// Compute `own`, the history of a patch, from a larger one, decimated as given by `decimates`: in the given thread's buffers, or on all threads.
     pub(super) fn refine(
         &self,
         stretch: &Stretch,
         parent: &PatchHistory,
-        (patch, halves): (&Patch, [bool; 2]),
+        (patch, decimates): (&Patch, [bool; 2]),
         own: &mut PatchHistory,
         alone: Option<&mut RefineScratch>,
         monitor: &dyn Monitor,
     ) {
-        let size = self.prepare(stretch, &parent.axes, patch, halves, own);
+        let size = self.prepare(stretch, &parent.axes, patch, decimates, own);
         let before = Before::History(parent);
         let step = Step {
             stretch,
             patch,
-            halves,
+            factor: self.factor(&parent.axes, decimates),
+            decimates,
             size,
             monitor,
         };
@@ -387,16 +421,24 @@ impl<'a> Refiner<'a> {
         });
     }
 
+    /// Decimation factor over pulses of a history, 1 if they are not decimated.
+    fn factor(&self, before: &Axes, decimates: [bool; 2]) -> usize {
+        match decimates[0] {
+            true => self.decimations().factor(0, before.thinning),
+            false => 1,
+        }
+    }
+
     /// Prepare everything except the values; return the number of values per pulse.
     fn prepare(
         &self,
         stretch: &Stretch,
         before: &Axes,
         patch: &Patch,
-        halves: [bool; 2],
+        decimates: [bool; 2],
         own: &mut PatchHistory,
     ) -> usize {
-        own.axes = before.after(halves, self.taps.len());
+        own.axes = before.after(decimates, self.taps());
         own.centre = patch.centre;
         own.data_m.clear();
         let antennas = &stretch.thinned[own.axes.thinning].antennas;
@@ -417,7 +459,7 @@ impl<'a> Refiner<'a> {
         scratch: &mut RefineScratch,
     ) {
         let _making = during(step.monitor, HISTORIES);
-        match self.taps.len() {
+        match self.taps() {
             6 => self.make_with::<6>(step, before, first, out, scratch),
             8 => self.make_with::<8>(step, before, first, out, scratch),
             10 => self.make_with::<10>(step, before, first, out, scratch),
@@ -435,11 +477,11 @@ impl<'a> Refiner<'a> {
         scratch: &mut RefineScratch,
     ) {
         let RefineScratch {
-            halving,
+            decimation: scratch,
             phase_ramps,
         } = scratch;
         let centre = step.patch.centre;
-        let taps: &[f32; W] = self.taps.as_slice().try_into().expect("as many taps");
+        let taps: Taps<W> = self.decimations().kernel();
         let range = first..first + out.len() / step.size;
         phase_ramps.clear();
         let ramp = |axes: &Axes, path_m: f64| PhaseRamp {
@@ -486,10 +528,9 @@ impl<'a> Refiner<'a> {
                 (Rows::Planes(values), axes.layout(), needed)
             }
         };
-        let [pulses, samples] = step.halves;
-        let halving_of = Decimation {
-            pulses,
-            samples,
+        let decimation = Decimation {
+            pulses: step.factor,
+            samples: step.decimates[1],
             layout,
             rows,
             first: needed.start,
@@ -497,23 +538,51 @@ impl<'a> Refiner<'a> {
         };
         #[cfg(test)]
         {
-            let (old, new) = (layout.count(), halving_of.after(W).count());
-            let over = |halved: bool, count: usize| usize::from(halved) * range.len() * count;
+            let (old, new) = (layout.count(), decimation.after(W).count());
+            let [over_pulses, over_samples] = [
+                step.factor,
+                1 + usize::from(step.decimates[1]) * (layout.factor() - 1),
+            ]
+            .map(|factor| (factor - 1) * W);
             super::counted::refined(
-                W,
                 needed.len() * old,
-                [over(pulses, old), over(samples, new)],
+                [
+                    (over_pulses, range.len() * old),
+                    (over_samples, range.len() * new),
+                ],
             );
         }
-        halving_of.make(self.instructions, taps, first, out, halving);
+        decimation.make(self.instructions, &taps, first, out, scratch);
     }
+}
+
+/// Largest change of a corner's path from pulse to pulse relative to that of the centre, metres, with the corner.
+fn fastest(patch: &Patch, antennas: &[Antennas]) -> (f64, DVec3) {
+    let (mut rate_m, mut fastest) = (0.0f64, patch.corners[0]);
+    for n in places(antennas.len() - 1) {
+        let [early, late] = [n, n + 1].map(|n| patch.offsets_m(&antennas[n]));
+        for ((early, late), &corner) in early.zip(late).zip(&patch.corners) {
+            if (late - early).abs() > rate_m {
+                (rate_m, fastest) = ((late - early).abs(), corner);
+            }
+        }
+    }
+    (rate_m, fastest)
+}
+
+/// Half of the band of a patch over samples, cycles per sample.
+fn samples_band(axes: &Axes, patch: &Patch, antennas: &[Antennas]) -> f64 {
+    let depths = places(antennas.len()).map(|n| patch.depth_m(&antennas[n]));
+    depths.fold(0.0, f64::max) * axes.step_hz.abs() / SPEED_OF_LIGHT_M_S
 }
 
 /// Parameters of a history being computed.
 struct Step<'a> {
     stretch: &'a Stretch,
     patch: &'a Patch,
-    halves: [bool; 2],
+    /// Decimation factor over pulses, or 1.
+    factor: usize,
+    decimates: [bool; 2],
     /// Values per pulse.
     size: usize,
     /// Receiver of progress.
@@ -523,9 +592,9 @@ struct Step<'a> {
 impl Step<'_> {
     /// Input pulses, of `count`, needed for the output pulses of `range`.
     fn needed(&self, taps: usize, range: &Range<usize>, count: usize) -> Range<usize> {
-        match self.halves[0] {
-            true => decimation::needed(taps, range, count),
-            false => range.clone(),
+        match self.factor {
+            1 => range.clone(),
+            factor => decimation::needed(factor, taps, range, count),
         }
     }
 }

@@ -1,17 +1,21 @@
 //! Division of the error bound among its causes.
 
+use super::decimations::{Decimations, FACTORS, most_decimations};
 use super::maps::MapKernels;
-use super::thinned::pays;
 use crate::{MARGIN_DB, rounding};
-use subaperture_kernels::decimation::halved;
-use subaperture_signal::halfway::{MidpointKernel, TAPS};
+use subaperture_signal::decimation_kernel::{DecimationKernel, TAPS};
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Interpolation kernel of decimations: taps and band, cycles per sample. Wider bands leave fewer samples, more taps extend every history.
+/// Kernel and number of decimations. Wider bands leave fewer samples, more taps extend every history.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct KernelChoice {
     taps: usize,
+    /// Band of the design, cycles per retained sample.
     band: f64,
+    /// Largest numbers of decimations over pulses and over samples, which share the error of decimations.
+    decimations: [usize; 2],
+    /// Factors of the first decimation over pulses and over samples, each 2 or 3; later ones are by two.
+    first: [usize; 2],
 }
 
 /// Candidate bands, cycles per sample.
@@ -23,34 +27,83 @@ const BANDS: [f64; 15] = [
 const NARROW: f64 = 0.22;
 
 impl KernelChoice {
-    /// Kernels that keep a bound for the given numbers of pulses and samples: of each number of taps the one with the widest band. Those with
-    /// few taps come first, except if their band is narrow.
-    pub(super) fn within(error_db: f64, counts: [usize; 2]) -> Vec<Self> {
+    /// Kernels that keep a bound with these numbers of decimations over pulses and over samples: of each number of taps the one with the widest
+    /// band. Those with few taps come first, except if their band is narrow.
+    pub(super) fn within(error_db: f64, decimations: [usize; 2]) -> Vec<Self> {
+        let [slow, fast] = decimation_errors(target(error_db), decimations);
+        let allowed = slow.min(fast);
         let of = |taps: usize| {
-            let (halvings, target) = (halvings(counts, taps), target(error_db));
-            let allowed = shared(target, SLOW, halvings[0]).min(shared(target, FAST, halvings[1]));
             let keeps = |band: f64| {
-                libm::hypot(MidpointKernel::new(taps, band).error(), HALVING) <= allowed
+                libm::hypot(DecimationKernel::new(2, taps, band).error(), DECIMATION) <= allowed
             };
             let count = BANDS.partition_point(|&band| keeps(band));
             let band = *BANDS.get(count.checked_sub(1)?)?;
-            Some(Self { taps, band })
+            Some(Self {
+                taps,
+                band,
+                decimations,
+                first: [FACTORS[0]; 2],
+            })
         };
         let mut kernels: Vec<Self> = TAPS.into_iter().filter_map(of).collect();
         kernels.sort_by_key(|kernel| kernel.band < NARROW);
         kernels
     }
+
+    /// Number of taps at each fraction.
+    pub(super) fn taps(self) -> usize {
+        self.taps
+    }
+
+    /// Largest numbers of decimations over pulses and over samples.
+    pub(super) fn decimations(self) -> [usize; 2] {
+        self.decimations
+    }
+
+    /// Kernel with the widest band that keeps a bound with as many decimations as are profitable for the given numbers of pulses and samples.
+    pub(super) fn widest(error_db: f64, counts: [usize; 2]) -> Option<Self> {
+        let most = counts.map(|count| most_decimations(count).max(1));
+        let kernels = Self::within(error_db, most).into_iter();
+        kernels.max_by(|a, b| a.band.total_cmp(&b.band))
+    }
+
+    /// The same kernel with these factors of the first decimation over pulses and over samples.
+    pub(super) fn beginning_with(self, first: [usize; 2]) -> Self {
+        Self { first, ..self }
+    }
+
+    /// Whether this is one of [`Self::within`] with possible factors of the first decimation.
+    pub(super) fn is_within(self, error_db: f64) -> bool {
+        let by_two = self.beginning_with([FACTORS[0]; 2]);
+        self.first.iter().all(|factor| FACTORS.contains(factor))
+            && self
+                .decimations
+                .iter()
+                .all(|count| (1..=MOST).contains(count))
+            && Self::within(error_db, self.decimations).contains(&by_two)
+    }
+}
+
+/// Largest number of decimations over an axis in a plan.
+const MOST: usize = 32;
+
+/// Errors of one decimation over pulses and of one over samples, of the given numbers.
+fn decimation_errors(target: f64, decimations: [usize; 2]) -> [f64; 2] {
+    [
+        shared(target, SLOW, decimations[0]),
+        shared(target, FAST, decimations[1]),
+    ]
 }
 
 /// Relative RMS errors allowed for each cause.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
-    /// Interpolator at the midpoint between samples.
-    kernel: MidpointKernel,
+    /// Decimations by the kernel.
+    decimations: Decimations,
     /// Error of one decimation over pulses, over a patch.
     slow: f64,
-    /// The same at the edge of a patch: pixels closer to its centre have a smaller error.
-    pub(super) slow_edge: f64,
+    /// The same at the edge of a patch, by two and by three: pixels closer to its centre have a smaller error.
+    slow_edge: [f64; 2],
     /// Error of one decimation over samples.
     fast: f64,
     /// Error from antenna tracks that are not smooth.
@@ -61,10 +114,10 @@ pub(super) struct Shares {
     pub(super) tiles: f64,
     /// Error of float32 phasors and positions in tiles; tiles are not used where it is exceeded.
     pub(super) arithmetic: f64,
-    /// Widest band, cycles per sample, with a kernel error within `fast`.
-    pub(super) band: f64,
-    /// Largest number of decimations over pulses and over samples.
-    halvings: [usize; 2],
+    /// Widest band, cycles per retained pulse, with a kernel error within `slow`, by two and by three.
+    slow_band: [f64; 2],
+    /// Widest band, cycles per retained sample, with a kernel error within `fast`, by two and by three.
+    band: [f64; 2],
     /// Whether the bound permits decimation at all.
     pub(super) decimate: bool,
 }
@@ -85,21 +138,7 @@ const MAP_KERNEL: f64 = 0.04;
 const MAP_MODEL: f64 = PROFILE + TILES + ARITHMETIC - 4.0 * MAP_KERNEL;
 
 /// Relative RMS error of phases and sums of one decimation in float32.
-const HALVING: f64 = 2e-6;
-
-/// Number of profitable decimations of `count` samples with the given taps.
-fn most_halvings(mut count: usize, taps: usize) -> usize {
-    let mut times = 0;
-    while pays(count, taps) {
-        count = halved(count, taps);
-        times += 1;
-    }
-    times
-}
-
-fn halvings(counts: [usize; 2], taps: usize) -> [usize; 2] {
-    counts.map(|count| most_halvings(count, taps).max(1))
-}
+const DECIMATION: f64 = 2e-6;
 
 /// Relative RMS error planned for, below the bound by the margin.
 fn target(error_db: f64) -> f64 {
@@ -118,39 +157,60 @@ fn shared(target: f64, share: f64, parts: usize) -> f64 {
 }
 
 impl Shares {
-    /// Divide a bound for the given numbers of pulses and samples. Without a kernel, histories are not decimated.
-    pub(super) fn of(error_db: f64, counts: [usize; 2], chosen: Option<KernelChoice>) -> Self {
+    /// Divide a bound. Without a kernel, histories are not decimated.
+    pub(super) fn of(error_db: f64, chosen: Option<KernelChoice>) -> Self {
         let target = target(error_db);
-        let KernelChoice { taps, band } = chosen.unwrap_or(KernelChoice {
+        let kernel = chosen.unwrap_or(KernelChoice {
             taps: TAPS[0],
             band: 0.25,
+            decimations: [1; 2],
+            first: [FACTORS[0]; 2],
         });
-        let kernel = MidpointKernel::new(taps, band);
-        let halvings = halvings(counts, taps);
-        let [slow, fast] = [
-            shared(target, SLOW, halvings[0]),
-            shared(target, FAST, halvings[1]),
-        ];
-        let kernel_only = |error: f64| (error * error - HALVING * HALVING).max(0.0).sqrt();
-        let slow_band = kernel.widest_band(kernel_only(slow));
+        let kernels = FACTORS.map(|factor| DecimationKernel::new(factor, kernel.taps, kernel.band));
+        let [slow, fast] = decimation_errors(target, kernel.decimations);
+        let kernel_only = |error: f64| (error * error - DECIMATION * DECIMATION).max(0.0).sqrt();
+        let slow_band = kernels
+            .each_ref()
+            .map(|kernel| kernel.widest_band(kernel_only(slow)));
+        let slow_edge = |i: usize| {
+            let edge = kernels[i].tone_error(slow_band[i]) * kernels[i].interpolated().sqrt();
+            edge.max(slow)
+        };
         Self {
-            band: kernel.widest_band(kernel_only(fast)),
+            band: kernels
+                .each_ref()
+                .map(|kernel| kernel.widest_band(kernel_only(fast))),
             fast,
             slow,
-            slow_edge: (kernel.tone_error(slow_band).abs() * 0.5f64.sqrt()).max(slow),
+            slow_edge: [0, 1].map(slow_edge),
+            slow_band,
             rough: target * ROUGH.sqrt(),
             profile: target * PROFILE.sqrt(),
             tiles: target * TILES.sqrt(),
             arithmetic: target * ARITHMETIC.sqrt(),
-            kernel,
-            halvings,
+            decimations: Decimations::new(kernel.decimations, kernel.first, &kernels),
             decimate: chosen.is_some(),
         }
     }
 
-    /// Kernel taps at the fraction 1/2.
-    pub(super) fn taps(&self) -> Vec<f32> {
-        self.kernel.taps().iter().map(|&h| h as f32).collect()
+    /// Decimations and their kernels.
+    pub(super) fn decimations(&self) -> &Decimations {
+        &self.decimations
+    }
+
+    /// Widest band of a decimation over samples by `factor`, cycles per retained sample.
+    pub(super) fn band(&self, factor: usize) -> f64 {
+        self.band[factor - FACTORS[0]]
+    }
+
+    /// Widest band of a decimation over pulses by `factor`, cycles per retained pulse.
+    pub(super) fn slow_band(&self, factor: usize) -> f64 {
+        self.slow_band[factor - FACTORS[0]]
+    }
+
+    /// Error of a decimation over pulses by `factor` at the edge of a patch.
+    pub(super) fn slow_edge(&self, factor: usize) -> f64 {
+        self.slow_edge[factor - FACTORS[0]]
     }
 
     /// Upsampling factor of range profiles.
@@ -160,7 +220,7 @@ impl Shares {
 
     /// Planned error, dB, for `num_pulses` pulses and the given arithmetic error.
     pub(super) fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
-        let [slow, fast] = self.halvings.map(|times| times as f64);
+        let [slow, fast] = self.decimations.most().map(|times| times as f64);
         let decimations = match self.decimate {
             true => libm::hypot(
                 libm::hypot(self.rough, slow.sqrt() * self.slow),
@@ -186,41 +246,48 @@ mod tests {
 
     #[test]
     fn candidate_kernels_have_the_widest_band_that_keeps_the_bound() {
-        let counts = [1040, 1024];
+        let decimations = [5, 6];
         for error_db in [-25.0, -50.0, -80.0] {
-            let kernels = KernelChoice::within(error_db, counts);
+            let kernels = KernelChoice::within(error_db, decimations);
             assert!(kernels.len() > 1, "{error_db}");
             for kernel in kernels {
-                let shares = Shares::of(error_db, counts, Some(kernel));
+                let shares = Shares::of(error_db, Some(kernel));
                 let allowed = shares.slow.min(shares.fast);
                 let keeps = |band: f64| {
-                    libm::hypot(MidpointKernel::new(kernel.taps, band).error(), HALVING) <= allowed
+                    let kernel = DecimationKernel::new(2, kernel.taps, band);
+                    libm::hypot(kernel.error(), DECIMATION) <= allowed
                 };
                 assert!(keeps(kernel.band), "{error_db}: {kernel:?}");
                 let wider = BANDS.into_iter().find(|&band| band > kernel.band);
                 assert!(!wider.is_some_and(keeps), "{error_db}: {kernel:?}");
             }
         }
-        assert!(KernelChoice::within(-200.0, counts).is_empty());
+        assert!(KernelChoice::within(-200.0, decimations).is_empty());
     }
 
     /// The mean over tones evenly spread up to the edge is the share.
     #[test]
     fn error_at_the_edge_of_a_patch_corresponds_to_its_mean() {
-        let counts = [1040, 1024];
-        for kernel in KernelChoice::within(-50.0, counts) {
-            let shares = Shares::of(-50.0, counts, Some(kernel));
-            let own = MidpointKernel::new(kernel.taps, kernel.band);
-            let tones = (1..20_000).map(|i| 0.5 * f64::from(i) / 20_000.0);
-            let edge = tones
-                .filter(|&x| x >= kernel.band)
-                .find(|&x| own.tone_error(x).abs() * 0.5f64.sqrt() >= shares.slow_edge)
-                .unwrap();
-            let mean = own.error_within(edge);
-            assert!(
-                (mean / shares.slow - 1.0).abs() < 0.01,
-                "{kernel:?}: {mean}"
-            );
+        for kernel in KernelChoice::within(-50.0, [5, 6]) {
+            let shares = Shares::of(-50.0, Some(kernel));
+            for factor in FACTORS {
+                let own = DecimationKernel::new(factor, kernel.taps, kernel.band);
+                if own.error() > shares.slow {
+                    continue;
+                }
+                let part = own.interpolated().sqrt();
+                let tones = (1..20_000).map(|i| 0.5 * f64::from(i) / 20_000.0);
+                let edge = tones
+                    .filter(|&x| x >= kernel.band)
+                    .find(|&x| own.tone_error(x) * part >= shares.slow_edge(factor))
+                    .unwrap();
+                let mean = own.error_within(edge);
+                assert!(
+                    // The mean is a sum by the midpoint rule; a step of the rising error by 12 dB in 0.02 cycles is 1 % of it.
+                    (mean / shares.slow - 1.0).abs() < 0.02,
+                    "{kernel:?} {factor}: {mean}"
+                );
+            }
         }
     }
 }

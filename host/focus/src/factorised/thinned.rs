@@ -1,13 +1,13 @@
-//! Antenna tracks of a block of pulses after repeated decimation by two.
+//! Antenna tracks of a block of pulses after repeated decimation by two or three.
 //!
-//! Decimation keeps every other pulse at its position. At `W - 2` output positions beyond each end the kernel extends past
+//! Decimation keeps every second or third pulse at its position. At output positions beyond each end the kernel extends past
 //! the data, and no antenna position exists: the track is extrapolated by a least-squares polynomial through the pulses near the end
 //! (Forsythe's orthogonal polynomials on evenly spaced nodes). Among degrees that fit about equally well, the lowest is used, since it
 //! extrapolates with the least growth. No echoes were recorded there; only smoothness of the paths matters.
 //!
 //! **Roughness.** Interpolation of the omitted pulses is exact as far as paths to the pixels of a patch, relative to the path to its centre, change
 //! smoothly from pulse to pulse. The deviation from smoothness is measured as the distance `m`, metres, of each antenna from the fifth-degree polynomial through
-//! the six retained positions around it (Lagrange weights 3, -25, 150, 150, -25, 3 over 256). It rotates the phase of a term by at most
+//! the six retained positions around it. It rotates the phase of a term by at most
 //!
 //! ```text
 //! 2 pi f / c (|m(transmitter)| / d + |m(receiver)| / d) |p - q|
@@ -20,8 +20,10 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use subaperture_kernels::decimation::halved;
+use subaperture_kernels::decimation::decimated;
 use subaperture_model::phase_history::Pulse;
+
+use super::decimations::{Decimations, pays};
 
 /// Highest degree of the extrapolation polynomials.
 const DEGREE: usize = 5;
@@ -44,15 +46,15 @@ pub(super) struct Thinned {
     pub(super) roughness_m: f64,
 }
 
-/// Block of pulses and its decimations by 1, 2, 4, ...
+/// Block of pulses and its repeated decimations, the recorded pulses first.
 pub(super) struct Stretch {
     pub(super) pulses: Range<usize>,
     pub(super) thinned: Vec<Thinned>,
 }
 
 impl Stretch {
-    /// Decimate `pulses` of the recorded ones with these taps while it is profitable.
-    pub(super) fn new(recorded: &[Pulse], pulses: Range<usize>, taps: &[f32]) -> Self {
+    /// Decimate `pulses` of the recorded ones while it is profitable.
+    pub(super) fn new(recorded: &[Pulse], pulses: Range<usize>, decimations: &Decimations) -> Self {
         let antennas = recorded[pulses.clone()].iter();
         let first = Thinned {
             antennas: antennas.map(|p| [p.transmitter_m, p.receiver_m]).collect(),
@@ -60,45 +62,40 @@ impl Stretch {
             roughness_m: 0.0,
         };
         let mut thinned = vec![first];
-        while let Some(last) = thinned.last()
-            && pays(last.antennas.len(), taps.len())
-        {
-            thinned.push(last.halved(taps));
+        while let Some(last) = thinned.last() {
+            let factor = decimations.factor(0, thinned.len() - 1);
+            if !pays(last.antennas.len(), factor, decimations.num_taps()) {
+                break;
+            }
+            thinned.push(last.decimated(factor, decimations));
         }
         Self { pulses, thinned }
     }
 }
 
-/// Largest ratio of output to input length for a profitable decimation.
-const WORTHWHILE: f64 = 0.8;
-
-/// Whether decimating `count` samples reduces their number enough.
-pub(super) fn pays(count: usize, taps: usize) -> bool {
-    halved(count, taps) as f64 <= WORTHWHILE * count as f64
-}
-
 impl Thinned {
-    fn halved(&self, taps: &[f32]) -> Self {
+    fn decimated(&self, factor: usize, decimations: &Decimations) -> Self {
         let before = &self.antennas;
-        let (count, width) = (before.len(), taps.len());
+        let (count, width) = (before.len(), decimations.num_taps());
         let fitted = count.min(FITTED * width);
         let ends = [Ending::new(&before[..fitted], 0), {
             let last = &before[count - fitted..];
             Ending::new(last, fitted - 1)
         }];
         let beyond = (count - fitted) as f64;
-        let place = |i: usize| 2 * i as isize - (width - 2) as isize;
+        let place = |i: usize| (factor * i) as isize - (factor * (width / 2 - 1)) as isize;
         let at = |place: isize| match usize::try_from(place) {
             Ok(place) if place < count => before[place],
             Ok(_) => ends[1].at(place as f64 - beyond),
             Err(_) => ends[0].at(place as f64),
         };
-        let mut weights = vec![0.0; halved(count, width)];
+        let mut weights = vec![0.0; decimated(count, factor, width)];
         for (n, weight) in self.weights.iter().enumerate() {
-            match n % 2 {
-                0 => weights[n / 2 + width / 2 - 1] += weight,
-                _ => {
-                    for (new, tap) in weights[n / 2..].iter_mut().zip(taps) {
+            match n % factor {
+                0 => weights[n / factor + width / 2 - 1] += weight,
+                phase => {
+                    let taps = decimations.taps(factor, phase);
+                    for (new, tap) in weights[n / factor..].iter_mut().zip(taps) {
                         *new += f64::from(tap * tap) * weight;
                     }
                 }
@@ -107,25 +104,43 @@ impl Thinned {
         Self {
             antennas: (0..weights.len()).map(|i| at(place(i))).collect(),
             weights,
-            roughness_m: self.roughness_m(),
+            roughness_m: self.roughness_m(factor),
         }
     }
 
-    /// RMS deviation of the odd pulses from the interpolation of even ones, metres.
-    fn roughness_m(&self) -> f64 {
+    /// RMS deviation of the omitted pulses from the interpolation of retained ones, metres.
+    fn roughness_m(&self, factor: usize) -> f64 {
+        let weights: Vec<[f64; 6]> = (1..factor)
+            .map(|phase| lagrange(2.0 + phase as f64 / factor as f64))
+            .collect();
         let (mut squares, mut count) = (0.0, 0usize);
-        for around in self.antennas.windows(11).step_by(2) {
-            let miss_m = |leg: usize| {
-                let even = |i: usize| around[i][leg];
-                let outer = (even(0) + even(10)) * 3.0 - (even(2) + even(8)) * 25.0;
-                let between = (outer + (even(4) + even(6)) * 150.0) / 256.0;
-                between.distance(around[5][leg])
-            };
-            squares += (miss_m(0) + miss_m(1)).powi(2);
-            count += 1;
+        let monostatic = self.antennas.iter().all(|[t, r]| t == r);
+        for around in self.antennas.windows(5 * factor + 1).step_by(factor) {
+            for (phase, weights) in (1..).zip(&weights) {
+                let miss_m = |leg: usize| {
+                    let retained = around.iter().step_by(factor);
+                    let terms = retained.zip(weights).map(|(a, &weight)| a[leg] * weight);
+                    terms
+                        .sum::<DVec3>()
+                        .distance(around[2 * factor + phase][leg])
+                };
+                let transmitter_m = miss_m(0);
+                let receiver_m = if monostatic { transmitter_m } else { miss_m(1) };
+                squares += (transmitter_m + receiver_m).powi(2);
+                count += 1;
+            }
         }
         (squares / count.max(1) as f64).sqrt()
     }
+}
+
+/// Weights of values at 0, 1, .. in the polynomial through all of them at `u` (Lagrange).
+fn lagrange<const N: usize>(u: f64) -> [f64; N] {
+    std::array::from_fn(|i| {
+        let others = (0..N).filter(|&j| j != i);
+        let terms = others.map(|j| (u - j as f64) / (i as f64 - j as f64));
+        terms.product()
+    })
 }
 
 /// Extrapolation of the antenna track beyond an end.
@@ -134,12 +149,20 @@ struct Ending([Polynomial; 2]);
 impl Ending {
     /// Fit a polynomial to the given pulses that passes exactly through pulse `end`.
     fn new(antennas: &[Antennas], end: usize) -> Self {
-        Self([0, 1].map(|leg| {
+        let fit = |leg: usize| {
             let positions: Vec<DVec3> = antennas.iter().map(|a| a[leg]).collect();
             let mut fit = Polynomial::best(&positions);
             fit.origin += positions[end] - fit.at(end as f64);
             fit
-        }))
+        };
+        let transmitter = fit(0);
+        match antennas
+            .iter()
+            .all(|[transmitter, receiver]| transmitter == receiver)
+        {
+            true => Self([transmitter; 2]),
+            false => Self([transmitter, fit(1)]),
+        }
     }
 
     fn at(&self, u: f64) -> Antennas {
@@ -149,6 +172,7 @@ impl Ending {
 
 /// Least-squares polynomial through positions at `u = 0, 1, ..`, in the orthogonal polynomials
 /// `p_(j+1) = s p_j - b_j p_(j-1)` of `s = (2 u - M + 1) / M`.
+#[derive(Clone, Copy)]
 struct Polynomial {
     origin: DVec3,
     count: f64,
@@ -160,24 +184,16 @@ impl Polynomial {
     /// Fit of the lowest degree that is about as good as any.
     fn best(positions: &[DVec3]) -> Self {
         let most = (positions.len() / PULSES_A_DEGREE).clamp(1, DEGREE);
-        let misfit_m = |fit: &Self| {
-            let each = positions.iter().enumerate();
-            let squares = each.map(|(u, at)| fit.at(u as f64).distance_squared(*at));
-            (squares.sum::<f64>() / positions.len() as f64).sqrt()
-        };
-        let fits = (0..=most).map(|degree| Self::new(positions, degree));
-        let fits: Vec<(Self, f64)> = fits
-            .map(|fit| (misfit_m(&fit), fit))
-            .map(|(m, f)| (f, m))
-            .collect();
-        let best_m = fits.iter().map(|(_, m)| *m).fold(f64::INFINITY, f64::min);
+        let (fit, misfits_m) = Self::fitted(positions, most);
+        let best_m = misfits_m.iter().copied().fold(f64::INFINITY, f64::min);
         // Deviations of a hundredth of a micrometre are negligible at any frequency.
         let enough_m = best_m * ABOUT_AS_WELL + 1e-8;
-        let good = fits.into_iter().find(|(_, m)| *m <= enough_m);
-        good.map_or_else(|| Self::new(positions, 0), |(fit, _)| fit)
+        let good = misfits_m.iter().position(|m| *m <= enough_m);
+        fit.truncated(good.unwrap_or(0))
     }
 
-    fn new(positions: &[DVec3], most: usize) -> Self {
+    /// Fit of degree `most` or of as many positions as there are, with the RMS residuals of the fits of all degrees up to it.
+    fn fitted(positions: &[DVec3], most: usize) -> (Self, Vec<f64>) {
         let mut fit = Self {
             // Positions are relative to one of them, to keep digits far from the scene origin.
             origin: positions[0],
@@ -185,21 +201,34 @@ impl Polynomial {
             recurrence: [0.0; DEGREE + 1],
             coefficients: [DVec3::ZERO; DEGREE + 1],
         };
+        let mut residuals: Vec<DVec3> = positions.iter().map(|p| *p - fit.origin).collect();
+        let mut misfits_m = Vec::with_capacity(DEGREE + 1);
         let mut norm_before = 0.0;
         for degree in 0..=most.min(positions.len() - 1) {
-            let (mut norm, mut sum) = (0.0, DVec3::ZERO);
-            for (u, position) in positions.iter().enumerate() {
-                let value = fit.basis(u as f64)[degree];
-                norm += value * value;
-                sum += (*position - fit.origin) * value;
+            let basis: Vec<f64> = (0..positions.len())
+                .map(|u| fit.basis(u as f64)[degree])
+                .collect();
+            let norm: f64 = basis.iter().map(|value| value * value).sum();
+            let products = basis.iter().zip(&residuals).map(|(value, r)| *r * *value);
+            let coefficient = products.sum::<DVec3>() / norm;
+            for (residual, value) in residuals.iter_mut().zip(&basis) {
+                *residual -= coefficient * *value;
             }
-            fit.coefficients[degree] = sum / norm;
+            fit.coefficients[degree] = coefficient;
             if degree > 0 {
                 fit.recurrence[degree] = norm / norm_before;
             }
             norm_before = norm;
+            let squares: f64 = residuals.iter().map(|r| r.length_squared()).sum();
+            misfits_m.push((squares / fit.count).sqrt());
         }
-        fit
+        (fit, misfits_m)
+    }
+
+    /// Fit of a lower degree: the polynomials are orthogonal, so that its coefficients are the same.
+    fn truncated(mut self, degree: usize) -> Self {
+        self.coefficients[degree + 1..].fill(DVec3::ZERO);
+        self
     }
 
     /// All polynomials at `u` for which the recurrence is known: `p_(j+1)` needs `b_j`.
@@ -221,7 +250,9 @@ impl Polynomial {
 
 #[cfg(test)]
 mod tests {
+    use super::super::decimations::FACTORS;
     use super::*;
+    use subaperture_signal::decimation_kernel::DecimationKernel;
 
     #[test]
     fn quintic_is_fitted_and_extrapolated() {
@@ -230,12 +261,12 @@ mod tests {
             DVec3::new(1e4 + s.powi(5), 3.0 * s * s, -s.powi(3) + s)
         };
         let positions: Vec<DVec3> = (0..150).map(|n| curve(f64::from(n))).collect();
-        let fit = Polynomial::new(&positions, DEGREE);
+        let (fit, _) = Polynomial::fitted(&positions, DEGREE);
         for u in [-40.0, 0.0, 33.3, 149.0, 190.0] {
             assert!(fit.at(u).distance(curve(u)) < 1e-8, "{u}");
         }
         // Few pulses: interpolate all of them.
-        let few = Polynomial::new(&positions[..3], DEGREE);
+        let (few, _) = Polynomial::fitted(&positions[..3], DEGREE);
         assert!(few.at(2.0).distance(curve(2.0)) < 1e-8);
     }
 
@@ -251,33 +282,48 @@ mod tests {
             antennas,
             roughness_m: 0.0,
         };
-        let taps = [0.01, -0.05, 0.1, 0.44, 0.44, 0.1, -0.05, 0.01];
-        let half = thinned.halved(&taps);
-        assert_eq!(half.antennas.len(), 107);
-        for (i, [at, _]) in half.antennas.iter().enumerate() {
-            let u = 2.0 * i as f64 - 6.0;
-            // Beyond the ends: extrapolation by a polynomial through 24 pulses.
-            let allowed = if (0.0..=200.0).contains(&u) {
-                0.0
-            } else {
-                2e-3
+        for factor in FACTORS {
+            let width = 8;
+            let kernels = FACTORS.map(|factor| DecimationKernel::new(factor, width, 0.28));
+            let decimations = Decimations::new([3; 2], [factor; 2], &kernels);
+            let after = thinned.decimated(factor, &decimations);
+            assert_eq!(after.antennas.len(), 199 / factor + width);
+            for (i, [at, _]) in after.antennas.iter().enumerate() {
+                let u = factor as f64 * (i as f64 - (width / 2 - 1) as f64);
+                // Beyond the ends: extrapolation by a polynomial through 3 W pulses, over a distance that grows with the factor.
+                let allowed = if (0.0..=200.0).contains(&u) {
+                    0.0
+                } else {
+                    1e-3 * (factor as f64).powi(3)
+                };
+                assert!(at.distance(curve(u)) <= allowed, "{factor}: {i}");
+            }
+            assert!(after.roughness_m < 1e-8 * (factor as f64).powi(3));
+            let power: f64 = after.weights.iter().sum();
+            let of_taps = |phase: usize| {
+                let taps = decimations.taps(factor, phase);
+                let squares: f32 = taps.map(|tap| tap * tap).sum();
+                (201 - phase).div_ceil(factor) as f64 * f64::from(squares)
             };
-            assert!(at.distance(curve(u)) <= allowed, "{i}");
+            let expected = 201usize.div_ceil(factor) as f64 + (1..factor).map(of_taps).sum::<f64>();
+            assert!((power / expected - 1.0).abs() < 1e-6);
         }
-        assert!(half.roughness_m < 1e-8);
-        let power: f64 = half.weights.iter().sum();
-        let of_taps: f64 = taps.iter().map(|t| f64::from(t * t)).sum();
-        assert!((power - 101.0 - 100.0 * of_taps).abs() < 1e-9);
     }
 
     #[test]
     fn roughness_measures_deviation_from_smooth_track() {
+        for factor in FACTORS {
+            roughness_is_the_offset_of_omitted_pulses(factor);
+        }
+    }
+
+    fn roughness_is_the_offset_of_omitted_pulses(factor: usize) {
         let jitter_m = 1e-3;
         let antennas = (0..300).map(|n| {
-            let off_m = if n % 2 == 0 { 0.0 } else { jitter_m };
+            let off_m = if n % factor == 0 { 0.0 } else { jitter_m };
             [
-                DVec3::new(f64::from(n), off_m, 0.0),
-                DVec3::new(f64::from(n), 0.0, 0.0),
+                DVec3::new(n as f64, off_m, 0.0),
+                DVec3::new(n as f64, 0.0, 0.0),
             ]
         });
         let thinned = Thinned {
@@ -285,6 +331,6 @@ mod tests {
             weights: vec![1.0; 300],
             roughness_m: 0.0,
         };
-        assert!((thinned.roughness_m() / jitter_m - 1.0).abs() < 1e-9);
+        assert!((thinned.roughness_m(factor) / jitter_m - 1.0).abs() < 1e-9);
     }
 }

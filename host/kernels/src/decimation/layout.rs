@@ -4,17 +4,22 @@ use num_complex::Complex32;
 
 use crate::lanes::GROUP;
 
-/// Layout of a pulse in four planes: real parts of even samples, real parts of odd samples, and likewise imaginary parts, each zero-padded
-/// to a multiple of [`GROUP`].
+/// Layout of a pulse for decimation by a factor `M` of two or three: one plane of real parts for each phase `k mod M` of the sample index,
+/// and likewise of imaginary parts, each zero-padded to a multiple of [`GROUP`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     count: usize,
+    factor: usize,
 }
 
 impl Layout {
-    /// Layout of `count` samples.
-    pub const fn new(count: usize) -> Self {
-        Self { count }
+    /// Layout of `count` samples for decimation by `factor`.
+    ///
+    /// # Panics
+    /// If the factor is neither 2 nor 3.
+    pub const fn new(count: usize, factor: usize) -> Self {
+        assert!(factor == 2 || factor == 3);
+        Self { count, factor }
     }
 
     /// Number of samples.
@@ -22,14 +27,19 @@ impl Layout {
         self.count
     }
 
-    /// Length of one of the four planes.
-    pub const fn half(&self) -> usize {
-        self.count.div_ceil(2).next_multiple_of(GROUP)
+    /// Decimation factor, which is the number of planes of real parts.
+    pub const fn factor(&self) -> usize {
+        self.factor
+    }
+
+    /// Length of one plane.
+    pub const fn plane(&self) -> usize {
+        self.count.div_ceil(self.factor).next_multiple_of(GROUP)
     }
 
     /// Length of a pulse, all planes.
     pub const fn values(&self) -> usize {
-        4 * self.half()
+        2 * self.factor * self.plane()
     }
 
     /// Store weighted samples in this layout.
@@ -38,25 +48,40 @@ impl Layout {
     /// If the numbers of samples and weights differ from the layout's, or `row` is shorter than [`Self::values`].
     #[inline(always)]
     pub fn spread(&self, samples: &[Complex32], weights: &[f32], weight: f32, row: &mut [f32]) {
+        match self.factor {
+            2 => self.spread_by::<2>(samples, weights, weight, row),
+            _ => self.spread_by::<3>(samples, weights, weight, row),
+        }
+    }
+
+    #[inline(always)]
+    fn spread_by<const M: usize>(
+        &self,
+        samples: &[Complex32],
+        weights: &[f32],
+        weight: f32,
+        row: &mut [f32],
+    ) {
         assert!(samples.len() == self.count && row.len() == self.values());
         assert_eq!(samples.len(), weights.len());
-        let half = self.half();
-        let (re, im) = row.split_at_mut(2 * half);
-        let (even_re, odd_re) = re.split_at_mut(half);
-        let (even_im, odd_im) = im.split_at_mut(half);
-        let pairs = samples.chunks_exact(2).zip(weights.chunks_exact(2));
-        let full = samples.len() / 2;
-        for (i, (pair, weights)) in pairs.enumerate() {
-            let (a, b) = (weights[0] * weight, weights[1] * weight);
-            (even_re[i], even_im[i]) = (pair[0].re * a, pair[0].im * a);
-            (odd_re[i], odd_im[i]) = (pair[1].re * b, pair[1].im * b);
+        let (length, full) = (self.plane(), self.count / M);
+        let mut planes = row.chunks_exact_mut(length);
+        let mut re: [&mut [f32]; M] = std::array::from_fn(|_| planes.next().expect("2 M planes"));
+        let mut im: [&mut [f32]; M] = std::array::from_fn(|_| planes.next().expect("2 M planes"));
+        let (samples, last) = samples.as_chunks::<M>();
+        let (weights, last_weights) = weights.as_chunks::<M>();
+        for (i, (z, w)) in samples.iter().zip(weights).enumerate() {
+            for phase in 0..M {
+                let w = w[phase] * weight;
+                (re[phase][i], im[phase][i]) = (z[phase].re * w, z[phase].im * w);
+            }
         }
-        for plane in [&mut *even_re, odd_re, &mut *even_im, odd_im] {
+        for plane in re.iter_mut().chain(&mut im) {
             plane[full..].fill(0.0);
         }
-        if let (Some(last), true) = (samples.last(), samples.len() % 2 == 1) {
-            let a = weights[samples.len() - 1] * weight;
-            (even_re[full], even_im[full]) = (last.re * a, last.im * a);
+        for (phase, (z, w)) in last.iter().zip(last_weights).enumerate() {
+            let w = w * weight;
+            (re[phase][full], im[phase][full]) = (z.re * w, z.im * w);
         }
     }
 
@@ -67,14 +92,12 @@ impl Layout {
     #[inline]
     pub fn gather(&self, row: &[f32], samples: &mut [Complex32]) {
         assert!(samples.len() == self.count && row.len() == self.values());
-        let half = self.half();
-        let (re, im) = row.split_at(2 * half);
-        let (even_re, odd_re) = re.split_at(half);
-        let (even_im, odd_im) = im.split_at(half);
-        for (i, pair) in samples.chunks_mut(2).enumerate() {
-            pair[0] = Complex32::new(even_re[i], even_im[i]);
-            if let Some(odd) = pair.get_mut(1) {
-                *odd = Complex32::new(odd_re[i], odd_im[i]);
+        let length = self.plane();
+        let (re, im) = row.split_at(self.factor * length);
+        for (i, part) in samples.chunks_mut(self.factor).enumerate() {
+            for (phase, sample) in part.iter_mut().enumerate() {
+                let at = phase * length + i;
+                *sample = Complex32::new(re[at], im[at]);
             }
         }
     }

@@ -1,24 +1,24 @@
-//! Decimation by two in slow time and frequency.
+//! Decimation by two or three in slow time and frequency.
 //!
 //! Each pulse is first multiplied by a phase ramp over frequency, as in [`crate::compensation`], so that the history varies slowly. Then, over pulses,
-//! samples or both, with `W` taps `h` of an interpolation kernel at the fraction 1/2,
+//! samples or both, for a factor `M` and `W` taps `h_r` of an interpolation kernel at each of the fractions `r / M` ([`Taps`]),
 //!
 //! ```text
-//! new[l] = old[2 (l - W/2 + 1)] + sum_i h[i] old[2 (l - i) + 1],    i = 0 .. W-1
+//! new[l] = old[M (l - W/2 + 1)] + sum_r sum_i h_r[i] old[M (l - i) + r],    r = 1 .. M-1,  i = 0 .. W-1
 //! ```
 //!
-//! Output 0 is at the position of input `-(W - 2)`, and `N` inputs give `N/2 + W - 1` outputs ([`halved`]). This is the
-//! transpose (adjoint) of an interpolation that keeps even samples and computes odd ones from `W` even ones: a sum over
+//! Output 0 is at the position of input `-M (W/2 - 1)`, and `N` inputs give `(N - 2)/M + W` outputs ([`decimated`]). This is the
+//! transpose (adjoint) of an interpolation that keeps every `M`-th sample and computes the others from `W` of these: a sum over
 //! the outputs equals the sum over the inputs.
 //!
-//! **Layout** planes of float32 ([`Layout`]), even and odd samples separate, as input for the
-//! next decimation.
+//! **Layout** planes of float32 ([`Layout`]), one for each phase of the sample index, as input for the next decimation.
+//! The output of a decimation over samples is laid out for decimation by two.
 //!
-//! **Accuracy** Phases are float64 at every 256th sample, float32 at every 32nd, and phasor recurrences in between:
-//! 2e-6 rad RMS. A sum has `W + 1` terms per dimension. The result is bit-identical in all instruction sets, and
+//! **Accuracy** Phases are float64 at every 256th sample, float32 at every 32nd (by three: 384th, 48th), and phasor recurrences in between:
+//! 2e-6 rad RMS. A sum has `(M - 1) W + 1` terms per dimension. The result is bit-identical in all instruction sets, and
 //! independent of the division of rows among calls.
 //!
-//! **Cost** in vector operations per 16 input samples: 10 for the phase ramp, `W + 1` over pulses, half of that over samples if
+//! **Cost** in vector operations per 16 input samples: 10 for the phase ramp, `2 ((M - 1) W + 1) / M` over pulses, a part `1 / M` of that over samples if
 //! pulses are decimated too.
 
 mod layout;
@@ -35,15 +35,38 @@ use crate::phasor::{Polynomials, ROUND};
 /// Largest number of taps.
 pub const MAX_TAPS: usize = 16;
 
-/// Number of outputs for `count` inputs.
-pub fn halved(count: usize, taps: usize) -> usize {
-    count / 2 + taps - 1
+/// Number of outputs of a decimation by `factor` for `count` inputs.
+pub fn decimated(count: usize, factor: usize, taps: usize) -> usize {
+    count.saturating_sub(2) / factor + taps
 }
 
-/// Inputs that the outputs `range` need, of `count` inputs.
-pub fn needed(taps: usize, range: &Range<usize>, count: usize) -> Range<usize> {
-    let first = (2 * range.start + 3).saturating_sub(2 * taps);
-    first.min(count)..(2 * range.end).min(count)
+/// Inputs that the outputs `range` of a decimation by `factor` need, of `count` inputs.
+pub fn needed(factor: usize, taps: usize, range: &Range<usize>, count: usize) -> Range<usize> {
+    let first = (factor * (range.start + 1) + 1).saturating_sub(factor * taps);
+    first.min(count)..(factor * range.end).min(count)
+}
+
+/// Taps of the interpolation kernels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Taps<const W: usize> {
+    /// At the fraction 1/2, for decimation by two.
+    pub half: [f32; W],
+    /// At the fraction 1/3, for decimation by three; in reverse order they are those at 2/3.
+    pub third: [f32; W],
+}
+
+impl<const W: usize> Taps<W> {
+    /// Taps of decimation by `factor` at its first and last fraction, as vectors.
+    #[inline(always)]
+    fn splat<L: Lanes>(&self, lanes: L, factor: usize) -> [[L::Numbers; W]; 2] {
+        let mut last = match factor {
+            2 => self.half,
+            _ => self.third,
+        };
+        let first = last;
+        last.reverse();
+        [first, last].map(|taps| taps.map(|tap| lanes.splat(tap)))
+    }
 }
 
 /// Phase ramp over samples, cycles.
@@ -74,9 +97,9 @@ pub enum Rows<'a> {
 /// Input and mode of a decimation.
 #[derive(Clone, Copy)]
 pub struct Decimation<'a> {
-    /// Whether to decimate over pulses.
-    pub pulses: bool,
-    /// Whether to decimate over samples.
+    /// Decimation factor over pulses: 1, 2 or 3.
+    pub pulses: usize,
+    /// Whether to decimate over samples, by the factor of the layout.
     pub samples: bool,
     /// Layout of the input.
     pub layout: Layout,
@@ -91,8 +114,8 @@ pub struct Decimation<'a> {
 /// Buffers of one thread.
 #[derive(Default)]
 pub struct DecimationScratch {
-    /// Stride between planes, length of a plane, number of pulses.
-    shape: [usize; 3],
+    /// Stride between planes, length and number of planes, number of pulses.
+    shape: [usize; 4],
     turned: Vec<f32>,
     mixed: Vec<f32>,
     spread: Vec<f32>,
@@ -102,7 +125,10 @@ impl Decimation<'_> {
     /// Layout of the output.
     pub fn after(&self, taps: usize) -> Layout {
         match self.samples {
-            true => Layout::new(halved(self.layout.count(), taps)),
+            true => Layout::new(
+                decimated(self.layout.count(), self.layout.factor(), taps),
+                2,
+            ),
             false => self.layout,
         }
     }
@@ -114,32 +140,36 @@ impl Decimation<'_> {
     pub fn make<const W: usize>(
         &self,
         instructions: Instructions,
-        taps: &[f32; W],
+        taps: &Taps<W>,
         first: usize,
         out: &mut [f32],
         scratch: &mut DecimationScratch,
     ) {
         const { assert!(W.is_multiple_of(2) && W <= MAX_TAPS) };
+        assert!((1..=3).contains(&self.pulses));
         let after = self.after(W);
         assert!(out.len().is_multiple_of(after.values()));
-        let half = self.layout.half();
+        let (planes, plane) = (2 * self.layout.factor(), self.layout.plane());
         let stride = match self.samples {
-            true => GROUP + half.max(2 * after.half()),
-            false => GROUP + half,
+            true => GROUP + plane.max(2 * after.plane()),
+            false => GROUP + plane,
         };
-        let slots = if self.pulses { slots(W) + 1 } else { TOGETHER };
+        let slots = match self.pulses {
+            1 => 1,
+            factor => slots(factor, W) + 1,
+        };
         // Padding before and after a plane's samples is never written and stays zero.
-        let shape = [stride, half, slots];
+        let shape = [stride, plane, planes, slots];
         if scratch.shape != shape {
             scratch.shape = shape;
             scratch.turned.clear();
-            scratch.turned.resize(slots * 4 * stride, 0.0);
+            scratch.turned.resize(slots * planes * stride, 0.0);
             scratch.mixed.clear();
-            scratch.mixed.resize(TOGETHER * 4 * stride, 0.0);
+            scratch.mixed.resize(TOGETHER * planes * stride, 0.0);
         }
         scratch.spread.resize(self.layout.values(), 0.0);
         instructions.run(Make {
-            halving: self,
+            decimation: self,
             taps,
             after,
             stride,
@@ -179,12 +209,12 @@ enum Next<'a> {
 }
 
 impl Next<'_> {
-    /// Fetch part `i` of the pulse: as many bytes as a group has in the four planes.
+    /// Fetch part `i` of the pulse: as many bytes as a group has in `planes` planes.
     #[inline(always)]
-    fn prefetch<L: Lanes>(self, lanes: L, i: usize) {
+    fn prefetch<L: Lanes>(self, lanes: L, planes: usize, i: usize) {
         const LINE: usize = 64;
-        const LINES: usize = 4 * GROUP * size_of::<f32>() / LINE;
-        for line in LINES * i..LINES * (i + 1) {
+        let lines = planes * GROUP * size_of::<f32>() / LINE;
+        for line in lines * i..lines * (i + 1) {
             match self {
                 Self::Planes(values) => {
                     if let Some(value) = values.get(line * (LINE / size_of::<f32>())) {
@@ -202,8 +232,8 @@ impl Next<'_> {
 }
 
 struct Make<'a, const W: usize> {
-    halving: &'a Decimation<'a>,
-    taps: &'a [f32; W],
+    decimation: &'a Decimation<'a>,
+    taps: &'a Taps<W>,
     after: Layout,
     /// Stride between planes in the buffers; each begins with zeros for the kernel's overlap.
     stride: usize,
@@ -222,7 +252,7 @@ impl<const W: usize> Kernel for Make<'_, W> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Self {
-            halving,
+            decimation,
             taps,
             after,
             stride,
@@ -236,23 +266,24 @@ impl<const W: usize> Kernel for Make<'_, W> {
             lanes,
             phasor: Polynomials::new(lanes),
             round: lanes.splat(ROUND),
-            halving,
+            decimation,
             stride,
         };
-        let mut weights = [lanes.splat(0.0); W];
-        for (weight, &tap) in weights.iter_mut().zip(taps) {
-            *weight = lanes.splat(tap);
-        }
-        let (size, slots) = (4 * stride, slots(W));
-        let rows = halving.first..halving.first + halving.num_rows();
+        let factor = decimation.pulses;
+        let over_pulses = taps.splat(lanes, factor);
+        let over_samples = taps.splat(lanes, decimation.layout.factor());
+        let (size, slots) = (2 * decimation.layout.factor() * stride, slots(factor, W));
+        let rows = decimation.first..decimation.first + decimation.num_rows();
         // Earlier pulses are in their slots.
         let mut next = rows.start;
         let mut first = first;
-        for out in out.chunks_mut(TOGETHER * after.values()) {
+        // A single pulse stays in cache between its phase rotation and its decimation.
+        let together = if factor > 1 { TOGETHER } else { 1 };
+        for out in out.chunks_mut(together * after.values()) {
             let count = out.len() / after.values();
-            let made: &[f32] = if halving.pulses {
-                let end = (2 * (first + count)).min(rows.end);
-                next = next.max((2 * first + 3).saturating_sub(2 * W));
+            let made: &[f32] = if factor > 1 {
+                let end = (factor * (first + count)).min(rows.end);
+                next = next.max((factor * (first + 1) + 1).saturating_sub(factor * W));
                 while next < end {
                     let slot = next % slots * size;
                     turning.turn(next - rows.start, spread, &mut turned[slot..slot + size]);
@@ -262,25 +293,19 @@ impl<const W: usize> Kernel for Make<'_, W> {
                     turned,
                     rows: &rows,
                     stride,
-                    half: halving.layout.half(),
+                    plane: decimation.layout.plane(),
                     size,
                     slots,
                 };
-                if count == TOGETHER {
-                    mix::<L, W, TOGETHER>(lanes, &ring, first, &weights, mixed);
-                } else {
-                    for (i, mixed) in (first..first + count).zip(mixed.chunks_exact_mut(size)) {
-                        mix::<L, W, 1>(lanes, &ring, i, &weights, mixed);
-                    }
+                match factor {
+                    2 => ring.mixed::<L, W, 1>(lanes, first, count, &over_pulses, mixed),
+                    _ => ring.mixed::<L, W, 2>(lanes, first, count, &over_pulses, mixed),
                 }
                 mixed
             } else {
-                for (i, turned) in (first..first + count).zip(turned.chunks_exact_mut(size)) {
-                    if rows.contains(&i) {
-                        turning.turn(i - rows.start, spread, turned);
-                    } else {
-                        turned.fill(0.0);
-                    }
+                match rows.contains(&first) {
+                    true => turning.turn(first - rows.start, spread, turned),
+                    false => turned.fill(0.0),
                 }
                 turned
             };
@@ -288,14 +313,16 @@ impl<const W: usize> Kernel for Make<'_, W> {
                 .chunks_exact(size)
                 .zip(out.chunks_exact_mut(after.values()))
             {
-                if halving.samples {
-                    samples(lanes, row, stride, &weights, after.half(), out);
-                } else {
-                    let half = after.half();
-                    for (plane, out) in out.chunks_exact_mut(half).enumerate() {
+                if !decimation.samples {
+                    let length = after.plane();
+                    for (plane, out) in out.chunks_exact_mut(length).enumerate() {
                         let from = plane * stride + GROUP;
-                        out.copy_from_slice(&row[from..from + half]);
+                        out.copy_from_slice(&row[from..from + length]);
                     }
+                } else if decimation.layout.factor() == 2 {
+                    samples::<L, W, 1>(lanes, row, stride, &over_samples, after.plane(), out);
+                } else {
+                    samples::<L, W, 2>(lanes, row, stride, &over_samples, after.plane(), out);
                 }
             }
             first += count;
@@ -307,8 +334,8 @@ impl<const W: usize> Kernel for Make<'_, W> {
 const TOGETHER: usize = 4;
 
 /// Slots of the ring: the input pulses needed, and one zero slot.
-const fn slots(taps: usize) -> usize {
-    2 * (taps + TOGETHER)
+const fn slots(factor: usize, taps: usize) -> usize {
+    factor * (taps + TOGETHER)
 }
 
 /// Ring buffer of phase-rotated pulses.
@@ -316,7 +343,8 @@ struct Ring<'a> {
     turned: &'a [f32],
     rows: &'a Range<usize>,
     stride: usize,
-    half: usize,
+    /// Length of a plane.
+    plane: usize,
     size: usize,
     slots: usize,
 }
@@ -331,55 +359,77 @@ impl Ring<'_> {
         };
         &self.turned[slot * self.size..(slot + 1) * self.size]
     }
-}
 
-/// Sum one even and `W` odd pulses for each of `N` output pulses from `first` on.
-#[inline(always)]
-fn mix<L: Lanes, const W: usize, const N: usize>(
-    lanes: L,
-    ring: &Ring,
-    first: usize,
-    weights: &[L::Numbers; W],
-    mixed: &mut [f32],
-) {
-    let size = ring.size;
-    let mut even = [ring.turned; N];
-    for (n, row) in even.iter_mut().enumerate() {
-        *row = ring.at((first + n + 1).checked_sub(W / 2).map(|l| 2 * l));
+    /// Compute `count` output pulses from `first` on, with kernels at `F` fractions: a decimation by `F + 1`.
+    #[inline(always)]
+    fn mixed<L: Lanes, const W: usize, const F: usize>(
+        &self,
+        lanes: L,
+        first: usize,
+        count: usize,
+        weights: &[[L::Numbers; W]; 2],
+        mixed: &mut [f32],
+    ) {
+        if count == TOGETHER {
+            return self.mix::<L, W, F, TOGETHER>(lanes, first, weights, mixed);
+        }
+        for (i, mixed) in (first..first + count).zip(mixed.chunks_exact_mut(self.size)) {
+            self.mix::<L, W, F, 1>(lanes, i, weights, mixed);
+        }
     }
-    // In ascending order of pulses.
-    let mut odd = [ring.turned; MAX_TAPS + TOGETHER];
-    for (m, row) in odd.iter_mut().enumerate().take(W + N - 1) {
-        *row = ring.at((first + m + 1).checked_sub(W).map(|l| 2 * l + 1));
-    }
-    for plane in 0..4 {
-        let first = plane * ring.stride + GROUP;
-        let plane = first..first + ring.half;
-        let (even, odd) = (
-            even.map(|row| groups(&row[plane.clone()])),
-            odd.map(|row| groups(&row[plane.clone()])),
-        );
-        let mut rows = mixed.chunks_exact_mut(size);
-        let to: [&mut [[f32; GROUP]]; N] = std::array::from_fn(|_| {
-            let row = rows.next().expect("one row per output pulse");
-            groups_mut(&mut row[plane.clone()])
-        });
-        for i in 0..ring.half / GROUP {
-            for part in (0..GROUP).step_by(L::COUNT) {
-                let mut sums = [weights[0]; N];
-                for n in 0..N {
-                    sums[n] = lanes.load(&even[n][i][part..]);
-                }
-                for m in 0..W + N - 1 {
-                    let value = lanes.load(&odd[m][i][part..]);
+
+    /// Sum one retained pulse and `W` pulses at each fraction for each of `N` output pulses from `first` on.
+    #[inline(always)]
+    fn mix<L: Lanes, const W: usize, const F: usize, const N: usize>(
+        &self,
+        lanes: L,
+        first: usize,
+        weights: &[[L::Numbers; W]; 2],
+        mixed: &mut [f32],
+    ) {
+        let factor = F + 1;
+        let mut retained = [self.turned; N];
+        for (n, row) in retained.iter_mut().enumerate() {
+            *row = self.at((first + n + 1).checked_sub(W / 2).map(|l| factor * l));
+        }
+        // In ascending order of pulses.
+        let mut others = [[self.turned; MAX_TAPS + TOGETHER]; F];
+        for (r, others) in others.iter_mut().enumerate() {
+            for (m, row) in others.iter_mut().enumerate().take(W + N - 1) {
+                let from = (first + m + 1).checked_sub(W);
+                *row = self.at(from.map(|l| factor * l + r + 1));
+            }
+        }
+        for plane in 0..self.size / self.stride {
+            let first = plane * self.stride + GROUP;
+            let plane = first..first + self.plane;
+            let retained = retained.map(|row| groups(&row[plane.clone()]));
+            let others = others.map(|rows| rows.map(|row| groups(&row[plane.clone()])));
+            let mut rows = mixed.chunks_exact_mut(self.size);
+            let to: [&mut [[f32; GROUP]]; N] = std::array::from_fn(|_| {
+                let row = rows.next().expect("one row per output pulse");
+                groups_mut(&mut row[plane.clone()])
+            });
+            for i in 0..self.plane / GROUP {
+                for part in (0..GROUP).step_by(L::COUNT) {
+                    let mut sums = [weights[0][0]; N];
                     for n in 0..N {
-                        if m >= n && m < n + W {
-                            sums[n] = lanes.mul_add(weights[n + W - 1 - m], value, sums[n]);
+                        sums[n] = lanes.load(&retained[n][i][part..]);
+                    }
+                    for r in 0..F {
+                        for m in 0..W + N - 1 {
+                            let value = lanes.load(&others[r][m][i][part..]);
+                            for n in 0..N {
+                                if m >= n && m < n + W {
+                                    sums[n] =
+                                        lanes.mul_add(weights[r][n + W - 1 - m], value, sums[n]);
+                                }
+                            }
                         }
                     }
-                }
-                for n in 0..N {
-                    lanes.store(sums[n], &mut to[n][i][part..]);
+                    for n in 0..N {
+                        lanes.store(sums[n], &mut to[n][i][part..]);
+                    }
                 }
             }
         }
@@ -397,33 +447,37 @@ fn groups_mut(plane: &mut [f32]) -> &mut [[f32; GROUP]] {
     plane.as_chunks_mut().0
 }
 
-/// Decimate the samples of a row by two.
+/// Decimate the samples of a row, with kernels at `F` fractions: by `F + 1`.
 #[inline(always)]
-fn samples<L: Lanes, const W: usize>(
+fn samples<L: Lanes, const W: usize, const F: usize>(
     lanes: L,
     row: &[f32],
     stride: usize,
-    weights: &[L::Numbers; W],
+    weights: &[[L::Numbers; W]; 2],
     half: usize,
     out: &mut [f32],
 ) {
     for part in 0..2 {
-        let even = &row[2 * part * stride..(2 * part + 1) * stride];
-        let odd = &row[(2 * part + 1) * stride..(2 * part + 2) * stride];
+        let mut planes = row[part * (F + 1) * stride..].chunks_exact(stride);
+        let retained = planes.next().expect("a plane per phase");
+        let others: [&[f32]; F] =
+            std::array::from_fn(|_| planes.next().expect("a plane per phase"));
         let out = &mut out[2 * part * half..2 * (part + 1) * half];
         let (to_even, to_odd) = out.split_at_mut(half);
         let to = to_even.chunks_exact_mut(L::COUNT);
         for (i, (to_even, to_odd)) in to.zip(to_odd.chunks_exact_mut(L::COUNT)).enumerate() {
             let from = GROUP + 2 * i * L::COUNT;
-            let even = &even[from + 1 - W / 2..][..2 * L::COUNT];
-            // From the last tap's sample on.
-            let odd = &odd[from + 1 - W..][..W - 1 + 2 * L::COUNT];
-            let mut low = lanes.load(even);
-            let mut high = lanes.load(&even[L::COUNT..]);
-            for tap in 0..W {
-                let odd = &odd[W - 1 - tap..];
-                low = lanes.mul_add(weights[tap], lanes.load(odd), low);
-                high = lanes.mul_add(weights[tap], lanes.load(&odd[L::COUNT..]), high);
+            let retained = &retained[from + 1 - W / 2..][..2 * L::COUNT];
+            let mut low = lanes.load(retained);
+            let mut high = lanes.load(&retained[L::COUNT..]);
+            for (other, weights) in others.iter().zip(weights) {
+                // From the last tap's sample on.
+                let other = &other[from + 1 - W..][..W - 1 + 2 * L::COUNT];
+                for tap in 0..W {
+                    let other = &other[W - 1 - tap..];
+                    low = lanes.mul_add(weights[tap], lanes.load(other), low);
+                    high = lanes.mul_add(weights[tap], lanes.load(&other[L::COUNT..]), high);
+                }
             }
             let [even, odd] = lanes.unzip(low, high);
             lanes.store(even, to_even);
@@ -437,7 +491,7 @@ struct Turn<'a, L: Lanes> {
     lanes: L,
     phasor: Polynomials<L>,
     round: L::Numbers,
-    halving: &'a Decimation<'a>,
+    decimation: &'a Decimation<'a>,
     stride: usize,
 }
 
@@ -457,10 +511,10 @@ impl<L: Lanes> Turn<'_, L> {
     #[inline(always)]
     fn turn(&self, pulse: usize, spread: &mut [f32], to: &mut [f32]) {
         let Self {
-            halving, stride, ..
+            decimation, stride, ..
         } = *self;
-        let (layout, half) = (halving.layout, halving.layout.half());
-        let values = match halving.rows {
+        let (layout, length) = (decimation.layout, decimation.layout.plane());
+        let values = match decimation.rows {
             Rows::Planes(values) => &values[pulse * layout.values()..(pulse + 1) * layout.values()],
             Rows::Samples {
                 samples,
@@ -472,39 +526,48 @@ impl<L: Lanes> Turn<'_, L> {
                 spread
             }
         };
-        match halving.phase_ramps.get(pulse) {
-            Some(turning) => self.turned(turning, values, halving.rows_after(pulse), to),
-            None => {
-                for (plane, values) in values.chunks_exact(half).enumerate() {
-                    to[plane * stride + GROUP..][..half].copy_from_slice(values);
-                }
+        let Some(turning) = decimation.phase_ramps.get(pulse) else {
+            for (plane, values) in values.chunks_exact(length).enumerate() {
+                to[plane * stride + GROUP..][..length].copy_from_slice(values);
             }
+            return;
+        };
+        let next = decimation.rows_after(pulse);
+        match layout.factor() {
+            2 => self.turned::<2>(turning, values, next, to),
+            _ => self.turned::<3>(turning, values, next, to),
         }
     }
 
-    /// Multiply a pulse by its phase ramp, and meanwhile fetch the `next` pulse from memory.
+    /// Multiply a pulse of `M` planes by its phase ramp, and meanwhile fetch the `next` pulse from memory.
     #[inline(always)]
-    fn turned(&self, turning: &PhaseRamp, from: &[f32], next: Next, to: &mut [f32]) {
-        let (lanes, stride, half) = (self.lanes, self.stride, self.halving.layout.half());
-        let count = half / GROUP;
-        let mut planes = from.chunks_exact(half).map(groups);
-        let [re_even, re_odd, im_even, im_odd] =
-            [(); 4].map(|()| &planes.next().expect("four planes")[..count]);
-        let (re, im) = ([re_even, re_odd], [im_even, im_odd]);
+    fn turned<const M: usize>(
+        &self,
+        turning: &PhaseRamp,
+        from: &[f32],
+        next: Next,
+        to: &mut [f32],
+    ) {
+        let (lanes, stride, length) = (self.lanes, self.stride, self.decimation.layout.plane());
+        let count = length / GROUP;
+        let mut planes = from.chunks_exact(length).map(groups);
+        let [re, im]: [[_; M]; 2] = std::array::from_fn(|_| {
+            std::array::from_fn(|_| &planes.next().expect("2 M planes")[..count])
+        });
         let mut planes = to
             .chunks_exact_mut(stride)
-            .map(|plane| groups_mut(&mut plane[GROUP..GROUP + half]));
-        let [to_re_even, to_re_odd, to_im_even, to_im_odd] =
-            [(); 4].map(|()| &mut planes.next().expect("four planes")[..count]);
-        let (to_re, to_im) = ([to_re_even, to_re_odd], [to_im_even, to_im_odd]);
-        let step = lanes.splat(reduced(2.0 * turning.step));
+            .map(|plane| groups_mut(&mut plane[GROUP..GROUP + length]));
+        let [to_re, to_im]: [[_; M]; 2] = std::array::from_fn(|_| {
+            std::array::from_fn(|_| &mut planes.next().expect("2 M planes")[..count])
+        });
+        let step = lanes.splat(reduced(M as f64 * turning.step));
         // Phasor from group to group.
-        let [on_cos, on_sin] = self.phasor(lanes.splat(reduced(32.0 * turning.step)));
-        // Separate recurrences for even and odd samples and for the parts of a group hide the latency.
-        let mut phasors = [[[step; 2]; MAX_PARTS]; 2];
+        let [on_cos, on_sin] = self.phasor(lanes.splat(reduced((M * GROUP) as f64 * turning.step)));
+        // Separate recurrences for the planes and for the parts of a group hide the latency.
+        let mut phasors = [[[step; 2]; MAX_PARTS]; M];
         for anew in (0..count).step_by(ANEW) {
-            for (odd, phasors) in phasors.iter_mut().enumerate() {
-                let first = (2 * GROUP * anew + odd) as f64;
+            for (plane, phasors) in phasors.iter_mut().enumerate() {
+                let first = (M * GROUP * anew + plane) as f64;
                 let base = lanes.splat(reduced(turning.start + turning.step * first));
                 for (part, phasor) in phasors.iter_mut().enumerate().take(GROUP / L::COUNT) {
                     let places = lanes.load(&PLACES[part * L::COUNT..]);
@@ -512,10 +575,10 @@ impl<L: Lanes> Turn<'_, L> {
                 }
             }
             for i in anew..(anew + ANEW).min(count) {
-                next.prefetch(lanes, i);
-                for (odd, phasors) in phasors.iter_mut().enumerate() {
-                    let (re, im) = (&re[odd][i], &im[odd][i]);
-                    let (to_re, to_im) = (&mut to_re[odd][i], &mut to_im[odd][i]);
+                next.prefetch(lanes, 2 * M, i);
+                for (plane, phasors) in phasors.iter_mut().enumerate() {
+                    let (re, im) = (&re[plane][i], &im[plane][i]);
+                    let (to_re, to_im) = (&mut to_re[plane][i], &mut to_im[plane][i]);
                     for (part, phasor) in phasors.iter_mut().enumerate().take(GROUP / L::COUNT) {
                         let ([cos, sin], from) = (*phasor, part * L::COUNT);
                         let (a, b) = (lanes.load(&re[from..]), lanes.load(&im[from..]));
